@@ -1,0 +1,1 @@
+"""Boundary representation: trimmed faces, checking, reading and writing CAD files. The only room that imports OCP."""

@@ -1,0 +1,157 @@
+"""The point cloud that every stage works on: finite, distinct points in a local frame."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from scan2nurbs.errors import InputError, ParameterError
+
+PointSource: TypeAlias = "str | os.PathLike[str] | ArrayLike | PointCloud | Any"
+"""What every public function accepts: a path, an (N, 3) array, a `PointCloud`, or an object with ``.points``."""
+
+UNITS = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 0.001, "in": 25.4, "ft": 304.8}
+"""Millimetres in one unit."""
+
+
+@dataclass(frozen=True)
+class PointCloud:
+    """Finite, distinct points about a local origin, and how they relate to the rows of the input.
+
+    Attributes
+    ----------
+    points : (N, 3) float64
+        Coordinates relative to `origin`, in `unit`.
+    origin : (3,) float64
+        What to add to get the input's coordinates back.
+    unit : str
+        A key of `UNITS`.
+    rows : (M,) int64
+        For each row of the input the index of its point here; −1 where the row is no point (NaN or infinite).
+    source : str
+        The file's path, or "array".
+    sha256 : str
+        Hash of the file's bytes, or of the array's.
+    format : str
+        Name of the file's format, or "array".
+    notes : tuple of str
+        What was guessed or left out on the way, one sentence each.
+    """
+
+    points: NDArray[np.float64]
+    origin: NDArray[np.float64]
+    unit: str
+    rows: NDArray[np.int64]
+    source: str = "array"
+    sha256: str = ""
+    format: str = "array"
+    notes: tuple[str, ...] = field(default=())
+
+    @property
+    def n_invalid(self) -> int:
+        """Rows of the input that are no point."""
+        return int(np.count_nonzero(self.rows < 0))
+
+    @property
+    def n_duplicates(self) -> int:
+        """Rows of the input whose coordinates stand in an earlier row too."""
+        return len(self.rows) - self.n_invalid - len(self.points)
+
+    def to_rows(self, values: NDArray[Any], fill: Any) -> NDArray[Any]:
+        """Spread one value a point over the rows of the input; rows that are no point get `fill`."""
+        spread = np.asarray(values)[np.maximum(self.rows, 0)]
+        spread[self.rows < 0] = fill
+        return spread
+
+
+def as_cloud(source: PointSource, unit: str | None = None) -> PointCloud:
+    """Make a `PointCloud` of whatever holds points.
+
+    Parameters
+    ----------
+    source : path, (N, 3) array-like, PointCloud or object with ``.points``
+        Coordinates of any magnitude; NaN and infinite rows are kept track of, exact duplicates merged.
+    unit : str, optional
+        "mm", "cm", "m", "um", "in" or "ft"; overrides what the file says. Without either, millimetres, with a note.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, the array is not (N, 3), or fewer than three distinct finite points are left.
+    ParameterError
+        If the unit is unknown.
+    """
+    if unit is not None and unit not in UNITS:
+        raise ParameterError(f"The 'unit' must be one of {', '.join(UNITS)}. Got {unit!r} instead.")
+    if isinstance(source, PointCloud):
+        return source if unit is None else replace(source, unit=unit)
+    if isinstance(source, str | os.PathLike):
+        return _from_file(Path(source), unit)
+    rows = _as_rows(getattr(source, "points", source))
+    digest = hashlib.sha256(np.ascontiguousarray(rows)).hexdigest()
+    return _from_rows(rows, unit or "mm", source="array", sha256=digest)
+
+
+def _from_file(path: Path, unit: str | None) -> PointCloud:
+    from scan2nurbs.io import read_scan  # noqa: PLC0415 - readers only when a file is read
+
+    scan = read_scan(path)
+    notes = scan.notes
+    if unit is None and scan.unit is None:
+        notes = (*notes, "The file carries no unit; millimetres are assumed (say --unit otherwise).")
+    with path.open("rb") as stream:
+        digest = hashlib.file_digest(stream, "sha256").hexdigest()
+    chosen = unit or scan.unit or "mm"
+    return _from_rows(scan.points, chosen, source=str(path), sha256=digest, format=scan.format, notes=notes)
+
+
+def _as_rows(points: Any) -> NDArray[np.float64]:
+    try:
+        rows = np.asarray(points, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"The points must be numbers in an (N, 3) array: {error}.") from error
+    if rows.ndim != 2 or rows.shape[1] != 3:
+        raise InputError(f"The points must be an (N, 3) array. Got the shape {rows.shape} instead.")
+    return rows
+
+
+def _from_rows(rows: NDArray[np.float64], unit: str, **about: Any) -> PointCloud:
+    finite = np.isfinite(rows).all(axis=1)
+    kept = rows[finite]
+    index = np.full(len(rows), -1, np.int64)
+    distinct, index[finite] = _merge_duplicates(kept)
+    if len(distinct) < 3:
+        path = None if about.get("source", "array") == "array" else about["source"]
+        raise InputError(f"Only {len(distinct)} distinct finite points are left of {len(rows)} rows; at least 3 are needed.", path=path)
+    low, high = distinct.min(axis=0), distinct.max(axis=0)
+    if not np.isfinite(high - low).all() or np.abs(distinct).max() > 1e100:
+        raise InputError("The coordinates are too large to compute with (beyond 1e100).", path=about.get("source"))
+    origin = 0.5 * (low + high)
+    # Points that lie about zero already keep their coordinates to the bit.
+    if np.all(np.abs(origin) <= high - low):
+        origin = np.zeros(3)
+    return PointCloud(points=distinct - origin, origin=origin, unit=unit, rows=index, **about)
+
+
+def _merge_duplicates(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return the distinct points in the order of their first appearance, and for each point its index among them."""
+    points = points + 0.0  # −0.0 equals 0.0, and so must its bytes
+    as_bytes = np.ascontiguousarray(points).view(np.dtype((np.void, 24))).ravel()
+    order = np.lexsort(points.T)
+    new = np.ones(len(points), bool)
+    new[1:] = as_bytes[order[1:]] != as_bytes[order[:-1]]
+    if new.all():
+        return points, np.arange(len(points))
+    group = np.empty(len(points), np.int64)
+    group[order] = np.cumsum(new) - 1
+    first = np.full(group.max(initial=-1) + 1, len(points), np.int64)
+    np.minimum.at(first, group, np.arange(len(points)))
+    rank = np.empty(len(first), np.int64)
+    rank[np.argsort(first)] = np.arange(len(first))
+    return points[np.sort(first)], rank[group]

@@ -1,0 +1,1 @@
+"""Edges of a scan: operators that find points on them, filters, thinning, curves."""

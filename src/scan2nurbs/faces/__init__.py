@@ -1,0 +1,1 @@
+"""Faces of a scan: which points belong to one functional surface, and its outlines."""

@@ -1,0 +1,1 @@
+"""Reading and writing of points, one file a format."""

@@ -1,0 +1,1 @@
+"""Numba kernels on plain arrays, with the helper that runs them over ranges in threads."""

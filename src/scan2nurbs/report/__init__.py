@@ -1,0 +1,1 @@
+"""Reports: JSON first; HTML and pictures made from it."""

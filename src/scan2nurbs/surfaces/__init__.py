@@ -1,0 +1,1 @@
+"""Shapes for a face: B-spline surfaces fitted to scattered points."""
