@@ -1,0 +1,95 @@
+"""The one decorator of all kernels, and the helper that runs a kernel over ranges in threads.
+
+A kernel is a plain function over an index range, ``kernel(..., start, stop, out)``. It writes its own slice of `out`, so that the
+result does not depend on how many threads ran it: range borders follow from n alone, partial sums are combined in order.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import tempfile
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numba
+
+from scan2nurbs.errors import ParameterError
+
+logger = logging.getLogger(__name__)
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+Progress = Callable[[int, int], None]
+
+# fastmath=True would assume that there is no NaN; these flags only allow reordering, which vectorised sums need.
+REORDERING = {"nsz", "arcp", "contract", "afn", "reassoc"}
+
+_threads: int | None = None
+
+
+def kernel(function: Function) -> Function:
+    """Compile a function that releases the GIL, lazily, cached on disk where the package's folder or the user's cache can be written."""
+    return numba.njit(nogil=True, cache=_cache_is_writable(), fastmath=REORDERING, error_model="numpy")(function)  # type: ignore[return-value]
+
+
+def set_threads(n: int | None) -> None:
+    """Set how many threads kernels may use; None means as many as this process has processors."""
+    if n is not None and n < 1:
+        raise ParameterError(f"The 'threads' must be an int in [1, inf). Got {n} instead.")
+    global _threads  # noqa: PLW0603 - one setting for the whole process, like every thread pool's
+    _threads = n
+
+
+def thread_count() -> int:
+    """Return how many threads kernels use."""
+    if _threads is not None:
+        return _threads
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def run_ranges(work: Callable[[int, int], None], n: int, *, size: int, progress: Progress | None = None) -> None:
+    """Call ``work(start, stop)`` for the ranges of `size` that cover ``range(n)``, in threads.
+
+    Parameters
+    ----------
+    work : callable
+        Runs a kernel on a range and writes only what belongs to it.
+    n : int
+        How many items there are.
+    size : int
+        Items a range; must not depend on the number of threads where ranges hold partial sums.
+    progress : callable, optional
+        Called with (items done, n) between ranges, from the calling thread.
+    """
+    ranges = [(start, min(start + size, n)) for start in range(0, n, size)]
+    threads = min(thread_count(), len(ranges))
+    if threads <= 1:
+        for start, stop in ranges:
+            work(start, stop)
+            if progress is not None:
+                progress(stop, n)
+        return
+    pool = ThreadPoolExecutor(threads)
+    try:
+        for (_, stop), _done in zip(ranges, pool.map(lambda r: work(*r), ranges), strict=True):
+            if progress is not None:
+                progress(stop, n)
+    finally:
+        # Ctrl-C must not wait for the ranges that nobody needs any more.
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _cache_is_writable() -> bool:
+    """Tell whether Numba finds a place for its cache; where it does not, caching would raise at import."""
+    if os.environ.get("NUMBA_CACHE_DIR"):
+        return True
+    for folder in (Path(__file__).parent, Path.home() / ".cache"):
+        try:
+            with tempfile.TemporaryFile(dir=folder):
+                return True
+        except OSError:
+            continue
+    logger.info("no writable place for compiled kernels: they are compiled anew in every process")
+    return False
