@@ -44,5 +44,22 @@ class MissingExtraError(InputError):
         super().__init__(f"{what} needs an optional dependency: pip install 'scan2nurbs[{extra}]'", path=path)
 
 
+class OutputError(Scan2NurbsError):
+    """A result cannot be written where it was asked for (exit code 4).
+
+    Parameters
+    ----------
+    message : str
+        What is wrong, as a sentence without the file's name.
+    path : Path or str
+        The file that was to be written.
+    """
+
+    def __init__(self, message: str, *, path: Path | str) -> None:
+        self.message = message
+        self.path = Path(path)
+        super().__init__(f"{path}: {message}")
+
+
 class NoResultError(Scan2NurbsError):
     """The input is fine, but no result could be made from it (exit code 4)."""
