@@ -1,0 +1,89 @@
+"""Eigenvectors of symmetric 3x3 matrices, by formula: the planes of neighbourhoods."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from scan2nurbs.kernels.runner import kernel
+
+# Variances across and along a neighbourhood: below this ratio (a strip 3 % as wide as long) it carries no plane.
+COLLINEAR = 1e-3
+
+
+@kernel
+def plane_of_moments(count, s, out):
+    """Fit a plane to points of which only sums are known.
+
+    Parameters
+    ----------
+    count : float
+        Number of points.
+    s : (9,) float64
+        Sums of x, y, z, xx, xy, xz, yy, yz, zz about any fixed point.
+    out : (11,) float64
+        Receives the normal (3), the principal direction in the plane (3), the mean (3), the variance along the normal and
+        the variance across the principal direction in the plane.
+
+    Returns
+    -------
+    bool
+        False where the points cannot carry a plane: fewer than three, or nearly collinear; `out` is then left as it was.
+
+    Notes
+    -----
+    The smallest eigenvalue comes from the characteristic polynomial in trigonometric form (Smith 1961), its vector from the
+    largest cross product of rows of C − λI; the direction in the plane from a 2x2 problem, which stays defined where the two
+    larger eigenvalues meet. Signs are fixed by the largest component, so that equal input gives equal output.
+    """
+    if count < 3:
+        return False
+    mx, my, mz = s[0] / count, s[1] / count, s[2] / count
+    xx, xy, xz = s[3] / count - mx * mx, s[4] / count - mx * my, s[5] / count - mx * mz
+    yy, yz, zz = s[6] / count - my * my, s[7] / count - my * mz, s[8] / count - mz * mz
+    trace = xx + yy + zz
+    if not trace > 0.0:
+        return False
+    q = trace / 3.0
+    a, b, c = xx - q, yy - q, zz - q
+    p = np.sqrt((a * a + b * b + c * c + 2.0 * (xy * xy + xz * xz + yz * yz)) / 6.0)
+    if p <= 1e-7 * q:
+        return False  # a ball has no plane
+    det = a * (b * c - yz * yz) - xy * (xy * c - yz * xz) + xz * (xy * yz - b * xz)
+    phi = np.arccos(min(max(det / (2.0 * p * p * p), -1.0), 1.0)) / 3.0
+    least = q + 2.0 * p * np.cos(phi + 2.0 * np.pi / 3.0)
+    a, b, c = xx - least, yy - least, zz - least
+    nx, ny, nz = xy * yz - xz * b, xz * xy - a * yz, a * b - xy * xy
+    best = nx * nx + ny * ny + nz * nz
+    ux, uy, uz = xy * c - xz * yz, xz * xz - a * c, a * yz - xy * xz
+    size = ux * ux + uy * uy + uz * uz
+    if size > best:
+        nx, ny, nz, best = ux, uy, uz, size
+    ux, uy, uz = b * c - yz * yz, yz * xz - xy * c, xy * yz - b * xz
+    size = ux * ux + uy * uy + uz * uz
+    if size > best:
+        nx, ny, nz, best = ux, uy, uz, size
+    if not best > 0.0:
+        return False
+    scale = 1.0 / np.sqrt(best)
+    nx, ny, nz = nx * scale, ny * scale, nz * scale
+    if (nz < 0.0) if (abs(nz) >= abs(nx) and abs(nz) >= abs(ny)) else ((ny < 0.0) if abs(ny) >= abs(nx) else (nx < 0.0)):
+        nx, ny, nz = -nx, -ny, -nz
+    # A basis of the plane (Duff et al. 2017), then the 2x2 problem in it.
+    sign = 1.0 if nz >= 0.0 else -1.0
+    f = -1.0 / (sign + nz)
+    g = nx * ny * f
+    e1x, e1y, e1z = 1.0 + sign * nx * nx * f, sign * g, -sign * nx
+    e2x, e2y, e2z = g, sign + ny * ny * f, -ny
+    ax, ay, az = xx * e1x + xy * e1y + xz * e1z, xy * e1x + yy * e1y + yz * e1z, xz * e1x + yz * e1y + zz * e1z
+    bx, by, bz = xx * e2x + xy * e2y + xz * e2z, xy * e2x + yy * e2y + yz * e2z, xz * e2x + yz * e2y + zz * e2z
+    c11, c12, c22 = ax * e1x + ay * e1y + az * e1z, ax * e2x + ay * e2y + az * e2z, bx * e2x + by * e2y + bz * e2z
+    half, radius = 0.5 * (c11 + c22), np.sqrt(0.25 * (c11 - c22) * (c11 - c22) + c12 * c12)
+    if half - radius <= COLLINEAR * (half + radius):
+        return False
+    angle = 0.5 * np.arctan2(2.0 * c12, c11 - c22)
+    cosine, sine = np.cos(angle), np.sin(angle)
+    out[0], out[1], out[2] = nx, ny, nz
+    out[3], out[4], out[5] = cosine * e1x + sine * e2x, cosine * e1y + sine * e2y, cosine * e1z + sine * e2z
+    out[6], out[7], out[8] = mx, my, mz
+    out[9], out[10] = max(least, 0.0), half - radius
+    return True
