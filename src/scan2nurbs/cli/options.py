@@ -1,0 +1,135 @@
+"""Options made from the parameter dataclasses: one option a field, its help from the dataclass's docstring."""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import re
+from collections.abc import Callable, Mapping
+from functools import wraps
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+
+import typer
+
+from scan2nurbs.cli.common import Common, common_parameters
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Stage:
+    """A parameter dataclass on the command line and in the config file.
+
+    Attributes
+    ----------
+    section : str
+        Name of the TOML section and of the key below "parameters" in the JSON.
+    params : type
+        The frozen dataclass; every field has a default.
+    panel : str
+        Heading in the help.
+    options : mapping of str to str
+        Names of options that differ from their field's, e.g. where two stages have a field of one name.
+    hidden : frozenset of str
+        Fields that only the config file can set.
+    parse : mapping of str to callable
+        For fields that are no number, word or flag: makes the value from the option's text.
+    """
+
+    section: str
+    params: type
+    panel: str
+    options: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    hidden: frozenset[str] = frozenset()
+    parse: Mapping[str, Callable[[str], Any]] = dataclasses.field(default_factory=dict)
+
+    def fields(self) -> list[dataclasses.Field[Any]]:
+        """Return the fields that have an option."""
+        return [field for field in dataclasses.fields(self.params) if field.init and field.name not in self.hidden]
+
+    def key(self, field: str) -> str:
+        """Return the name under which the field's option reaches the command."""
+        return self.options.get(field, field).replace("-", "_")
+
+
+@dataclasses.dataclass(frozen=True)
+class Given:
+    """What was said on the command line, besides a command's own arguments."""
+
+    common: Common
+    values: Mapping[str, Any]
+
+    def of(self, stage: Stage) -> dict[str, Any]:
+        """Return the fields of a stage that were given, as the dataclass takes them."""
+        said = {field.name: self.values[stage.key(field.name)] for field in stage.fields()}
+        return {
+            name: stage.parse[name](value) if name in stage.parse and isinstance(value, str) else value
+            for name, value in said.items()
+            if value is not None
+        }
+
+
+def takes(*stages: Stage) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Give a command the common options and those of `stages`; what was said arrives as its keyword argument ``given``."""
+
+    def decorate(command: Callable[..., None]) -> Callable[..., None]:
+        own = inspect.signature(command, eval_str=True)
+        kept = [parameter for parameter in own.parameters.values() if parameter.name != "given"]
+        made = [option_for(stage, field) for stage in stages for field in stage.fields()]
+        common = common_parameters()
+
+        @wraps(command)
+        def run(**arguments: Any) -> None:
+            said = {option.name: arguments.pop(option.name) for option in made}
+            switches = {option.name: arguments.pop(option.name) for option in common}
+            command(**arguments, given=Given(Common(**switches), said))
+
+        run.__annotations__ = {}
+        run.__signature__ = own.replace(parameters=[*kept, *made, *common])  # type: ignore[attr-defined]
+        return run
+
+    return decorate
+
+
+def option_for(stage: Stage, field: dataclasses.Field[Any]) -> inspect.Parameter:
+    """Make the option of one field; None means that it was not given."""
+    kind = bare_type(get_type_hints(stage.params)[field.name])
+    text = describe(stage.params).get(field.name, "")
+    default = field.default if field.default is not dataclasses.MISSING else None
+    if default is not None and default != ():
+        text = f"{text} (default: {default})"
+    # The help is read as rich markup, in which "[" opens a tag.
+    flag = "--" + stage.options.get(field.name, field.name).replace("_", "-")
+    decls = [f"{flag}/--no-{flag[2:]}"] if kind is bool else [flag]
+    metavar = "TEXT" if kind not in (int, float, bool, str) and get_origin(kind) is not Literal else None
+    option = typer.Option(*decls, help=text.replace("[", r"\["), rich_help_panel=stage.panel, show_default=False, metavar=metavar)
+    simple = kind if metavar is None else str
+    return inspect.Parameter(
+        stage.key(field.name), inspect.Parameter.KEYWORD_ONLY, default=None, annotation=Annotated[simple | None, option]
+    )
+
+
+def bare_type(hint: Any) -> Any:
+    """Return the type without None: ``float | None`` gives float."""
+    if get_origin(hint) in (Union, UnionType):
+        kinds = [kind for kind in get_args(hint) if kind is not NoneType]
+        return kinds[0] if len(kinds) == 1 else object
+    return hint
+
+
+def describe(params: type) -> dict[str, str]:
+    """Read what a numpydoc docstring says of each attribute or parameter, one line each."""
+    texts: dict[str, list[str]] = {}
+    current: list[str] = []
+    section = ""
+    lines = (inspect.getdoc(params) or "").splitlines()
+    for line, following in zip(lines, [*lines[1:], ""], strict=True):
+        if following and not following.strip("-"):
+            section = line.strip()
+        elif section not in ("Attributes", "Parameters") or (line and not line.strip("-")):
+            continue
+        elif entry := re.match(r"(\w+(?:, \w+)*)\s*:", line):
+            current = []
+            texts |= dict.fromkeys(entry[1].split(", "), current)
+        elif line.strip():
+            current.append(line.strip())
+    return {name: " ".join(said).replace("`", "") for name, said in texts.items()}
