@@ -1,0 +1,140 @@
+"""Find the points of a cloud that lie on edges: operators run one after the other, each on what the previous one kept."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scan2nurbs.edges.operators import Lengths, Strength, run_operator
+from scan2nurbs.edges.params import EdgeParams
+from scan2nurbs.kernels.cells import build_cells
+from scan2nurbs.kernels.runner import Progress
+from scan2nurbs.scale import Scale
+
+PAPER_THRESHOLD = 20.0
+
+
+@dataclass(frozen=True)
+class Edges:
+    """Which points lie on an edge, and why.
+
+    Attributes
+    ----------
+    strength : (N,) float64
+        What the operator measured, in degrees in [0, 90]: of the last run that saw the point. NaN where it is undefined.
+    mask : (N,) bool
+        Points on an edge: those whose strength exceeds the threshold in every run.
+    normal : (N, 3) float64
+        Unit normals as lines, at the larger radius or one-sided; NaN where undefined.
+    dn, vdn_small, vdn_large : (N,) float64, or None
+        DN, and VDN at the small and the large radius, in degrees, where the operator computes them.
+    threshold : float
+        δ in degrees.
+    spacing, h, noise : float
+        d̄ of eq. 2.1, the noise-stable spacing and the standard deviation of the noise, in the cloud's unit.
+    radii : dict
+        The radii used, in the cloud's unit.
+    runs : tuple of (str, int)
+        Each run's operator and how many points it kept.
+    counts : dict
+        Degenerate neighbourhoods of all runs, by kind.
+    """
+
+    strength: NDArray[np.float64]
+    mask: NDArray[np.bool_]
+    normal: NDArray[np.float64]
+    dn: NDArray[np.float64] | None
+    vdn_small: NDArray[np.float64] | None
+    vdn_large: NDArray[np.float64] | None
+    threshold: float
+    spacing: float
+    h: float
+    noise: float
+    radii: dict[str, float] = field(default_factory=dict)
+    runs: tuple[tuple[str, int], ...] = field(default=())
+    counts: dict[str, int] = field(default_factory=dict)
+
+
+def detect(points: NDArray[np.float64], scale: Scale, params: EdgeParams, progress: Progress | None = None) -> Edges:
+    """Run the operators of `params` on a cloud.
+
+    Parameters
+    ----------
+    points : (N, 3) float64
+        The cloud's points.
+    scale : Scale
+        What `measure_scale` said of them.
+    params : EdgeParams
+        Operators, radii, weights and threshold.
+    progress : callable, optional
+        Called with (cells done, cells) by each pass over the cloud.
+
+    Notes
+    -----
+    "Applied iteratively" (paper, section 3) means: a further run sees only the points that the previous one kept, with
+    neighbours among them and radii unchanged.
+    """
+    lengths = Lengths(spacing=scale.spacing, h=scale.h, noise=scale.noise)
+    threshold = params.threshold if params.threshold is not None else _threshold(params, lengths)
+    kept = np.arange(len(points))
+    collected = _Collector(len(points))
+    runs: list[tuple[str, int]] = []
+    for name in params.runs():
+        cells = scale.cells if len(kept) == len(points) else build_cells(points[kept], scale.cells.size)
+        result = run_operator(name, cells, lengths, params, progress)
+        collected.add(result, kept[cells.order])
+        strength = collected.strength[kept]
+        kept = kept[strength > threshold]  # NaN is never larger
+        runs.append((name, len(kept)))
+        if len(kept) < 3:
+            break
+    mask = np.zeros(len(points), bool)
+    mask[kept] = True
+    return Edges(
+        strength=collected.strength,
+        mask=mask,
+        normal=collected.normal,
+        dn=collected.optional.get("dn"),
+        vdn_small=collected.optional.get("vdn_small"),
+        vdn_large=collected.optional.get("vdn_large"),
+        threshold=threshold,
+        spacing=scale.spacing,
+        h=scale.h,
+        noise=scale.noise,
+        radii=collected.radii,
+        runs=tuple(runs),
+        counts=collected.counts,
+    )
+
+
+def _threshold(params: EdgeParams, lengths: Lengths) -> float:
+    """Choose δ: the paper's 20 degrees, or for one-sided normals what their own scatter cannot reach."""
+    if "one-sided" not in params.runs():
+        return PAPER_THRESHOLD
+    # Wherever the radius meets its bounds the normals' tilt grows with the noise, and their quantile with it.
+    return min(18.0 + 10.0 * lengths.noise / lengths.h, 30.0)
+
+
+class _Collector:
+    """Gathers the results of the runs in the cloud's order; a later run overwrites what it saw."""
+
+    def __init__(self, n: int) -> None:
+        self.n = n
+        self.strength = np.full(n, np.nan)
+        self.normal = np.full((n, 3), np.nan)
+        self.optional: dict[str, NDArray[np.float64]] = {}
+        self.radii: dict[str, float] = {}
+        self.counts: dict[str, int] = {}
+
+    def add(self, result: Strength, where: NDArray[np.int64]) -> None:
+        self.strength[where] = result.strength
+        self.normal[where] = result.normal
+        for name in ("dn", "vdn_small", "vdn_large"):
+            values = getattr(result, name)
+            if values is not None:
+                self.optional.setdefault(name, np.full(self.n, np.nan))[where] = values
+        self.radii |= result.radii
+        for name, count in result.counts.items():
+            self.counts[name] = self.counts.get(name, 0) + count

@@ -1,0 +1,95 @@
+"""Normals at a radius, with the degenerate neighbourhoods decided and counted."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scan2nurbs.kernels.cells import Cells
+from scan2nurbs.kernels.moments import BallPlanes, ball_planes
+from scan2nurbs.kernels.runner import Progress
+
+WIDENING = math.sqrt(2.0)
+MAX_WIDENINGS = 4
+UNDEFINED = 255
+
+
+@dataclass(frozen=True)
+class Normals:
+    """Normals of every point at one radius, in the order of the sorted points.
+
+    Attributes
+    ----------
+    radius : float
+        In the points' unit.
+    normal : (N, 3) float64
+        Unit normals as lines; NaN where undefined.
+    status : (N,) uint8
+        0: from the ball of `radius`; k: from a ball √2^k times as wide, since the smaller ones carry no plane; 255: undefined.
+    sector_angle : (N,) float64
+        VDN at the radius (eq. 2.3) in degrees, NaN where undefined; empty unless asked for.
+    balls : BallPlanes
+        The planes the normals come from.
+    """
+
+    radius: float
+    normal: NDArray[np.float64]
+    status: NDArray[np.uint8]
+    sector_angle: NDArray[np.float64]
+    balls: BallPlanes
+
+
+def normals_at(cells: Cells, radius: float, *, sectors: int = 0, progress: Progress | None = None) -> Normals:
+    """Estimate normals from all points closer than a radius (paper, section 2.1).
+
+    Parameters
+    ----------
+    cells : Cells
+        The sorted points.
+    radius : float
+        In the points' unit.
+    sectors : int
+        g of VDN, or 0 to leave it out.
+    progress : callable, optional
+        Called with (cells done, cells).
+
+    Notes
+    -----
+    A ball of fewer than three points, or of nearly collinear ones, carries no plane. Its radius is widened by √2 up to four
+    times; a point that has no plane then has no normal. VDN is never taken from a widened ball: sectors of a ball without a plane
+    have no sense.
+    """
+    balls = ball_planes(cells, radius, sectors=sectors, progress=progress)
+    missing = np.isnan(balls.variance)
+    status = np.zeros(len(missing), np.uint8)
+    normal, mean, variance = balls.normal, balls.mean, balls.variance
+    for k in range(1, MAX_WIDENINGS + 1):
+        if not missing.any():
+            break
+        wider = ball_planes(cells, radius * WIDENING**k, todo=missing)
+        found = missing & ~np.isnan(wider.variance)
+        normal[found], mean[found], variance[found] = wider.normal[found], wider.mean[found], wider.variance[found]
+        status[found] = k
+        missing &= ~found
+    status[missing] = UNDEFINED
+    return Normals(radius=radius, normal=normal, status=status, sector_angle=balls.sector_angle, balls=balls)
+
+
+def angles_between(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the angles between lines.
+
+    Parameters
+    ----------
+    a, b : (N, 3) float64
+        Unit directions.
+
+    Returns
+    -------
+    (N,) float64
+        Degrees in [0, 90]; NaN where either is NaN.
+    """
+    # The arc tangent keeps small angles, where the arc cosine of a number near 1 loses half of its digits.
+    return np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), np.abs(np.einsum("ij,ij->i", a, b))))

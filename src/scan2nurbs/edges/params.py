@@ -1,0 +1,102 @@
+"""How to look for edges: the parameters of every operator."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+from scan2nurbs.errors import ParameterError
+
+OPERATORS = ("one-sided", "dn", "vdn", "edn")
+
+
+def _about(default: Any, help: str, unit: str = "", low: float | None = None, high: float | None = None) -> Any:
+    return field(default=default, metadata={"help": help, "unit": unit, "low": low, "high": high})
+
+
+@dataclass(frozen=True, kw_only=True)
+class EdgeParams:
+    """Parameters of `detect_edges`; without arguments everything is chosen from the cloud.
+
+    Radii of the paper's operators (dn, vdn, edn) are in units of d̄, the mean distance to the nearest other point; the radius of
+    the one-sided operator is in units of h, the noise-stable spacing. With ``absolute=True`` all of them are in the cloud's unit.
+
+    Attributes
+    ----------
+    operator : {"one-sided", "dn", "vdn", "edn"}
+        "one-sided" compares one-sided normals and withstands noise; the others are those of the paper, exactly.
+    radius : float, optional
+        Radius of the one-sided normals, (0, inf); None chooses it from the noise.
+    small_radius, large_radius : float
+        r_s and r_l of the paper's operators, (0, inf), r_s < r_l. VDN by itself uses r_l.
+    absolute : bool
+        Whether radii are lengths in the cloud's unit.
+    alpha : float
+        Weight α of DN in EDN, [0, 1].
+    beta : float, optional
+        Weight β of VDN in EDN, [0, 1]; 1 − α unless given.
+    threshold : float, optional
+        δ in degrees, [0, 90]; a point is on an edge where its strength is larger. None: 20 for the paper's operators, chosen
+        from the noise for the one-sided one.
+    sectors : int
+        g of VDN, [2, 64]; 4 is Algorithm 1.
+    repeat : int
+        How often the operator runs, each time on the points that the previous run kept, [1, 100].
+    sequence : str, optional
+        Operators to run one after the other instead, such as "vdn*3, dn".
+    """
+
+    operator: str = _about("one-sided", "one-sided (robust, the default), or dn, vdn, edn as in the paper")
+    radius: float | None = _about(None, "radius of the one-sided normals; from the noise unless given", "h", 0.0, math.inf)
+    small_radius: float = _about(1.5, "r_s of dn and edn", "d̄", 0.0, math.inf)
+    large_radius: float = _about(10.0, "r_l of dn, vdn and edn", "d̄", 0.0, math.inf)
+    absolute: bool = _about(False, "radii are lengths in the cloud's unit")
+    alpha: float = _about(0.4, "weight α of DN in EDN", "", 0.0, 1.0)
+    beta: float | None = _about(None, "weight β of VDN in EDN; 1 − α unless given", "", 0.0, 1.0)
+    threshold: float | None = _about(None, "δ: strength above which a point is on an edge", "degrees", 0.0, 90.0)
+    sectors: int = _about(4, "g: parts of a neighbourhood that VDN compares", "", 2, 64)
+    repeat: int = _about(1, "runs of the operator, each on what the previous one kept", "", 1, 100)
+    sequence: str | None = _about(None, 'operators to run one after the other, such as "vdn*3, dn"')
+
+    def __post_init__(self) -> None:
+        """Check every range."""
+        if self.operator not in OPERATORS:
+            raise ParameterError(f"The 'operator' of detect_edges must be one of {', '.join(OPERATORS)}. Got {self.operator!r} instead.")
+        for f in fields(self):
+            low, high = f.metadata["low"], f.metadata["high"]
+            value = getattr(self, f.name)
+            if low is None or value is None:
+                continue
+            whole = isinstance(f.default, int)
+            closed = high != math.inf
+            good = isinstance(value, int if whole else int | float) and not isinstance(value, bool)
+            if not good or not (low <= value <= high if closed else low < value < high):
+                kind, span = ("an int" if whole else "a float"), (f"[{low:g}, {high:g}]" if closed else "(0, inf)")
+                raise ParameterError(f"The '{f.name}' parameter of detect_edges must be {kind} in {span}. Got {value!r} instead.")
+        if not self.small_radius < self.large_radius:
+            raise ParameterError(
+                "The 'small_radius' of detect_edges must be smaller than the 'large_radius'. "
+                f"Got {self.small_radius:g} and {self.large_radius:g} instead."
+            )
+        if self.beta is not None and abs(self.alpha + self.beta - 1.0) > 1e-9:
+            raise ParameterError(f"The weights of EDN must satisfy alpha + beta = 1. Got {self.alpha:g} + {self.beta:g} instead.")
+        self.runs()
+
+    def runs(self) -> tuple[str, ...]:
+        """Return the operators to run, in order."""
+        if self.sequence is None:
+            return (self.operator,) * self.repeat
+        runs: list[str] = []
+        for part in self.sequence.split(","):
+            match = re.fullmatch(r"\s*([a-z-]+)\s*(?:\*\s*(\d{1,3}))?\s*", part)
+            if match is None or match[1] not in OPERATORS:
+                raise ParameterError(
+                    f"The 'sequence' of detect_edges must read like 'vdn*3, dn' with the operators {', '.join(OPERATORS)}. "
+                    f"Got {self.sequence!r} instead."
+                )
+            runs += [match[1]] * int(match[2] or 1)
+        if not runs:
+            raise ParameterError("The 'sequence' of detect_edges must name at least one operator.")
+        return tuple(runs)
