@@ -1,0 +1,260 @@
+"""Pictures of a run, made from plain arrays; every colour scale keeps its order for colour-blind eyes and in grey."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Colormap, Normalize, to_rgb
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from numpy.typing import NDArray
+
+from scan2nurbs.report.view import View, choose_view, rasterise
+
+Array = NDArray[np.float64]
+
+GREY, BLUE, ORANGE, GREEN = "#b8bec6", "#0072b2", "#d55e00", "#009e73"  # Okabe and Ito's, made for colour-blind readers
+MOST_POINTS = 1_000_000
+_WIDTH, _DPI = 1000, 110
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture and what it says.
+
+    Attributes
+    ----------
+    title, caption : str
+        The caption says how to read it.
+    png : bytes
+        The file.
+    """
+
+    title: str
+    caption: str
+    png: bytes
+
+
+def strength_picture(points: Array, strength: Array, *, unit: str, threshold: float | None = None, view: View | None = None) -> Picture:
+    """Show the edge strength of every point.
+
+    Parameters
+    ----------
+    points : (N, 3) float64
+        The cloud.
+    strength : (N,) float64
+        Degrees; NaN where undefined.
+    threshold : float, optional
+        Degrees from which a point counts as an edge; marked beside the colour scale.
+    """
+    finite = strength[np.isfinite(strength)]
+    top = float(max(np.quantile(finite, 0.995), 2 * (threshold or 0.0), 1e-6)) if len(finite) else 1.0
+    said = "Points whose normal is undefined are grey."
+    if threshold is not None:
+        said = f"The line marks the threshold of {threshold:.3g}°. " + said
+    return _coloured(
+        points, strength, (0.0, min(top, 90.0)), "viridis", "Edge strength (degrees)", "Edge strength", said, unit, view, threshold
+    )
+
+
+def deviation_picture(points: Array, deviation: Array, *, unit: str, tolerance: float | None = None, view: View | None = None) -> Picture:
+    """Show how far every point lies from the surface: red above it, blue below.
+
+    Parameters
+    ----------
+    points : (N, 3) float64
+        The points that the surface was fitted to.
+    deviation : (N,) float64
+        Signed distance, in `unit`; NaN is left grey.
+    """
+    finite = np.abs(deviation[np.isfinite(deviation)])
+    reach = float(max(np.quantile(finite, 0.99), 1e-300)) if len(finite) else 1.0
+    said = f"Signed distance of each point from the surface; the scale ends at ±{_short(reach)} {unit}, which 99 % of the points keep."
+    if tolerance is not None:
+        said += f" The tolerance is {_short(tolerance)} {unit}."
+    return _coloured(points, deviation, (-reach, reach), "coolwarm", f"Deviation ({unit})", "Deviation from the surface", said, unit, view)
+
+
+def groups_picture(
+    points: Array,
+    groups: Mapping[str, NDArray[np.bool_]],
+    *,
+    title: str,
+    caption: str,
+    unit: str,
+    curves: Sequence[Array] = (),
+    view: View | None = None,
+) -> Picture:
+    """Show groups of points, each in its colour, the rest in grey.
+
+    Parameters
+    ----------
+    points : (N, 3) float64
+        The cloud.
+    groups : mapping of str to (N,) bool
+        At most three; a later one is drawn over an earlier one.
+    curves : sequence of (K, 3) float64
+        Drawn over everything, e.g. the boundary's loops.
+    """
+    keep = _thin_out(len(points))
+    colour = np.tile(to_rgb(GREY), (len(keep), 1))
+    chosen = dict(zip(groups, (BLUE, ORANGE, GREEN), strict=False))
+    for name, shade in chosen.items():
+        colour[groups[name][keep]] = to_rgb(shade)
+    figure, axes, view = _stage(points[keep], colour, view, unit)
+    _draw_curves(axes, view, curves, "black", 1.6)
+    entries = [
+        Line2D([], [], marker="o", linestyle="", color=shade, label=f"{name} ({np.count_nonzero(groups[name]):,})")
+        for name, shade in chosen.items()
+    ]
+    entries += [Line2D([], [], color="black", label="boundary curve")] if curves else []
+    if entries:
+        figure.legend(handles=entries, loc="lower center", ncols=len(entries), frameon=False, fontsize=9)
+    return Picture(title, caption, _png(figure))
+
+
+def surface_picture(points: Array, lines: Sequence[Array], boundary: Sequence[Array], *, unit: str, view: View | None = None) -> Picture:
+    """Show the surface as lines of constant parameter over the scan, with the boundary that trims it."""
+    keep = _thin_out(len(points))
+    figure, axes, view = _stage(points[keep], np.tile(to_rgb(GREY), (len(keep), 1)), view, unit)
+    _draw_curves(axes, view, lines, BLUE, 0.8)
+    _draw_curves(axes, view, boundary, ORANGE, 2.0)
+    entries = [Line2D([], [], color=BLUE, label="lines of constant parameter"), Line2D([], [], color=ORANGE, label="trimming boundary")]
+    figure.legend(handles=entries, loc="lower center", ncols=2, frameon=False, fontsize=9)
+    return Picture(
+        "The surface", "Lines of constant parameter of the NURBS surface inside its trimming boundary, over the scan.", _png(figure)
+    )
+
+
+def deviation_histogram(deviation: Array, *, unit: str, noise: float | None = None, tolerance: float | None = None) -> Picture:
+    """Show how the deviations are distributed, beside the scan's noise and the tolerance.
+
+    Parameters
+    ----------
+    deviation : (N,) float64
+        Signed distances, in `unit`.
+    noise, tolerance : float, optional
+        Standard deviation of the scan's noise, and what was asked of the fit; in `unit`.
+    """
+    finite = deviation[np.isfinite(deviation)]
+    p95 = float(np.quantile(np.abs(finite), 0.95)) if len(finite) else 0.0
+    reach = max(float(np.quantile(np.abs(finite), 0.998)) if len(finite) else 0.0, noise or 0.0, tolerance or 0.0, 1e-300) * 1.1
+    figure = Figure(figsize=(_WIDTH / _DPI, 3.4), dpi=_DPI, layout="constrained")
+    axes = figure.add_subplot()
+    axes.hist(np.clip(finite, -reach, reach), bins=81, range=(-reach, reach), color=GREY)
+    marks = [(noise, GREEN, "--", "noise (1 sigma)"), (p95, BLUE, "-", "95 % of the points"), (tolerance, ORANGE, "-.", "tolerance")]
+    for at, colour, style, name in marks:
+        if at is not None:
+            axes.axvline(-at, color=colour, linestyle=style, linewidth=1.4)
+            axes.axvline(at, color=colour, linestyle=style, linewidth=1.4, label=f"{name}: ±{_short(at)} {unit}")
+    axes.set(xlabel=f"Deviation ({unit})", ylabel="Points", xlim=(-reach, reach))
+    axes.spines[["top", "right"]].set_visible(False)
+    figure.legend(loc="outside upper center", ncols=3, frameon=False, fontsize=9)
+    said = (
+        "Deviations within the noise are scatter of the scan; what lies far beyond it is shape that the surface misses, or a stray point."
+    )
+    return Picture("Distribution of the deviations", said, _png(figure))
+
+
+def _coloured(
+    points: Array,
+    values: Array,
+    limits: tuple[float, float],
+    scale: str,
+    label: str,
+    title: str,
+    caption: str,
+    unit: str,
+    view: View | None,
+    mark: float | None = None,
+) -> Picture:
+    keep = _thin_out(len(points))
+    mapping = ScalarMappable(Normalize(*limits), scale)
+    cmap: Colormap = mapping.get_cmap()
+    cmap.set_bad(GREY)
+    colour = np.asarray(mapping.to_rgba(np.ma.masked_invalid(values[keep])))[:, :3]
+    figure, axes, _ = _stage(points[keep], colour, view, unit)
+    bar = figure.colorbar(mapping, ax=axes, shrink=0.75, aspect=28, pad=0.01, extend="max" if limits[0] == 0 else "both", label=label)
+    if mark is not None:
+        bar.ax.axhline(mark, color="white", linewidth=2.2)
+        bar.ax.axhline(mark, color="black", linewidth=0.9)
+    return Picture(title, caption, _png(figure))
+
+
+def _stage(points: Array, colour: Array, view: View | None, unit: str) -> tuple[Figure, Axes, View]:
+    """Draw shaded points with a scale bar and the directions of the axes."""
+    view = view or choose_view(points)
+    size = view.high - view.low
+    height = int(_WIDTH * np.clip(size[1] / size[0], 0.3, 0.85)) if size[0] > 0 else _WIDTH // 2
+    fitted = _widen(view, _WIDTH / height)
+    raster = rasterise(points, fitted, width=_WIDTH, height=height)
+    image = np.ones((height, _WIDTH, 3))
+    hit = raster.index >= 0
+    image[hit] = colour[raster.index[hit]] * (0.62 + 0.38 * raster.shade[hit])[:, None]
+    figure = Figure(figsize=(_WIDTH / _DPI, (height + 70) / _DPI), dpi=_DPI, layout="constrained")
+    axes = figure.add_subplot()
+    (left, low), (right, high) = fitted.low, fitted.high
+    axes.imshow(image, origin="lower", extent=(left, right, low, high), interpolation="antialiased")
+    axes.set_axis_off()
+    axes.set(xlim=(left, right), ylim=(low, high))
+    _draw_scale(axes, fitted, unit)
+    return figure, axes, fitted
+
+
+def _widen(view: View, aspect: float) -> View:
+    """Give the view the picture's aspect, so that lengths along both axes are true."""
+    size, centre = view.high - view.low, 0.5 * (view.low + view.high)
+    width = max(size[0], size[1] * aspect)
+    half = 0.5 * np.array([width, width / aspect])
+    return View(view.axes, centre - half, centre + half)
+
+
+def _draw_scale(axes: Axes, view: View, unit: str) -> None:
+    width, height = view.high - view.low
+    length = _round_down(0.2 * float(width))
+    x, y = view.low + np.array([0.02 * width, 0.03 * height])
+    axes.plot([x, x + length], [y, y], color="black", linewidth=2.5, solid_capstyle="butt")
+    axes.annotate(f"{_short(length)} {unit}", (x + length / 2, y), (0, 4), textcoords="offset points", ha="center", fontsize=8)
+    corner = view.high - (0.06 * width, 0.06 * width)
+    for name, direction in zip("xyz", view.axes[:2].T, strict=True):
+        tip = corner + 0.045 * width * direction
+        axes.plot(*np.stack([corner, tip], axis=1), color="#555555", linewidth=1.0)
+        if np.linalg.norm(direction) > 0.15:
+            across, upwards = corner + 1.25 * (tip - corner)
+            axes.annotate(name, (across, upwards), ha="center", va="center", fontsize=8, color="#555555")
+
+
+def _draw_curves(axes: Axes, view: View, curves: Sequence[Array], colour: str, width: float) -> None:
+    for curve in curves:
+        across, upwards, _ = view.project(np.asarray(curve)).T
+        axes.plot(across, upwards, color=colour, linewidth=width)
+
+
+def _thin_out(n: int) -> NDArray[np.int64]:
+    """Return every point, or evenly many where there are more than a picture has pixels."""
+    return np.arange(n) if n <= MOST_POINTS else np.linspace(0, n - 1, MOST_POINTS).astype(np.int64)
+
+
+def _round_down(length: float) -> float:
+    """Return the largest 1, 2 or 5 times a power of ten that is not above `length`."""
+    if not length > 0:
+        return 1.0
+    decade = 10.0 ** np.floor(np.log10(length))
+    return float(next(step * decade for step in (5, 2, 1) if step * decade <= length * (1 + 1e-9)))
+
+
+def _short(value: float) -> str:
+    return f"{value:.3g}"
+
+
+def _png(figure: Figure) -> bytes:
+    FigureCanvasAgg(figure)
+    stream = io.BytesIO()
+    figure.savefig(stream, format="png", bbox_inches="tight", pad_inches=0.08, metadata={"Software": None})
+    return stream.getvalue()

@@ -1,0 +1,127 @@
+"""From which side to look at points, and what is seen from there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+
+
+@dataclass(frozen=True)
+class View:
+    """A parallel projection.
+
+    Attributes
+    ----------
+    axes : (3, 3) float64
+        Rows: right, up, and towards the eye; orthonormal, right-handed.
+    low, high : (2,) float64
+        Corners of the picture along right and up, in the points' unit.
+    """
+
+    axes: NDArray[np.float64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+
+    def project(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return right, up and nearness of (N, 3) points."""
+        return points @ self.axes.T
+
+
+def choose_view(points: NDArray[np.float64]) -> View:
+    """Look at points from where their shape shows: on their broad side, from a little aside, more so the bulkier they are.
+
+    Parameters
+    ----------
+    points : (N, 3) float64
+        A few stray points do not matter: the frame leaves out the outermost thousandth.
+    """
+    inner = _without_strays(points)
+    values, vectors = np.linalg.eigh(np.cov(inner.T))
+    long, broad, thin = vectors[:, ::-1].T
+    bulk = np.sqrt(max(values[0], 0.0) / values[1]) if values[1] > 0 else 0.0
+    thin = thin * _sign(thin[[2, 1, 0]])
+    if abs(long[2]) > 0.8:  # what stands upright is shown so
+        long, broad = broad, long
+    long = long * _sign(long)
+    broad = np.cross(thin, long)
+    eye = thin + (0.2 + 0.35 * bulk) * long - (0.3 + 0.35 * bulk) * broad
+    eye /= np.linalg.norm(eye)
+    up = broad - (broad @ eye) * eye
+    up /= np.linalg.norm(up)
+    axes = np.stack([np.cross(up, eye), up, eye])
+    flat = inner @ axes[:2].T
+    low, high = flat.min(axis=0), flat.max(axis=0)
+    margin = 0.04 * max(float((high - low).max()), np.finfo(float).tiny)
+    return View(axes, low - margin, high + margin)
+
+
+def _without_strays(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    low, high = np.quantile(points, [0.001, 0.999], axis=0)
+    margin = 0.05 * (high - low).max()
+    inner = points[((points >= low - margin) & (points <= high + margin)).all(axis=1)]
+    return inner if len(inner) >= 3 else points
+
+
+def _sign(vector: NDArray[np.float64]) -> float:
+    """Return the sign of the first component that is not small, so that views do not flip between runs."""
+    return float(np.sign(vector[np.argmax(np.abs(vector) > 0.3)])) or 1.0
+
+
+@dataclass(frozen=True)
+class Raster:
+    """What is seen, pixel by pixel.
+
+    Attributes
+    ----------
+    index : (height, width) int64
+        The point that is seen, −1 where none is; row 0 is the lowest.
+    shade : (height, width) float64
+        Brightness in [0, 1] of a surface lit from the upper left.
+    """
+
+    index: NDArray[np.int64]
+    shade: NDArray[np.float64]
+
+
+def rasterise(points: NDArray[np.float64], view: View, *, width: int, height: int) -> Raster:
+    """Draw points as discs that just touch, nearer ones over farther ones."""
+    seen = view.project(points)
+    pixel = (view.high - view.low) / (width, height)
+    column, row = ((seen[:, :2] - view.low) / pixel).T
+    inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
+    # Sorted from far to near: where several points fall on a pixel, the last, that is the nearest, stays.
+    order = np.argsort(seen[:, 2], kind="stable")
+    order = order[inside[order]]
+    column, row = column[order].astype(np.int64), row[order].astype(np.int64)
+    rank = np.full((height, width), -1, np.int64)
+    for across, upwards in _disc(column, row):
+        x, y = np.clip(column + across, 0, width - 1), np.clip(row + upwards, 0, height - 1)
+        layer = np.full((height, width), -1, np.int64)
+        layer[y, x] = np.arange(len(order))
+        np.maximum(rank, layer, out=rank)
+    index = np.where(rank >= 0, order[rank], -1) if len(order) else rank
+    return Raster(index, _shade(np.where(index >= 0, seen[index, 2], np.nan), float(pixel[0])))
+
+
+def _disc(column: NDArray[np.int64], row: NDArray[np.int64]) -> list[tuple[int, int]]:
+    """Return the pixels of a disc as wide as the points lie apart on the picture."""
+    tile = 8
+    covered = len(np.unique((column // tile) * 100_000 + row // tile)) * tile**2
+    radius = min(max(1.15 * np.sqrt(covered / max(len(column), 1)), 0.8), 8.0)
+    reach = range(-int(radius), int(radius) + 1)
+    return [(x, y) for x in reach for y in reach if x * x + y * y <= radius * radius]
+
+
+def _shade(nearness: NDArray[np.float64], pixel: float) -> NDArray[np.float64]:
+    """Light the smoothed surface behind the pixels; smoothing keeps noise from looking like relief."""
+    known = np.isfinite(nearness)
+    weight = gaussian_filter(known.astype(np.float64), 3.0)
+    base = float(np.nanmean(nearness)) if known.any() else 0.0
+    smooth = base + gaussian_filter(np.where(known, nearness - base, 0.0), 3.0) / np.maximum(weight, 1e-6)
+    slope_up, slope_right = np.gradient(smooth, pixel)
+    light = np.array([-0.45, 0.55, 0.7]) / np.linalg.norm([0.45, 0.55, 0.7])
+    lit = (-slope_right * light[0] - slope_up * light[1] + light[2]) / np.sqrt(1 + slope_right**2 + slope_up**2)
+    return np.where(known, np.clip(lit, 0.0, 1.0), 1.0)
