@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 from scipy.stats import chi2
 
 from scan2nurbs.kernels.cells import POINTS_PER_CELL, Cells, build_cells
@@ -73,7 +73,7 @@ def _guess_spacing(points: NDArray[np.float64]) -> float:
     n = len(points)
     part = points[np.random.default_rng(0).choice(n, min(n, 20_000), replace=False)] if n > 20_000 else points
     k = min(4, len(part) - 1)
-    distance = cKDTree(part).query(part, k + 1)[0][:, k]
+    distance = KDTree(part).query(part, k + 1)[0][:, k]
     return float(np.median(distance)) * math.sqrt(math.pi / k) * math.sqrt(len(part) / n)
 
 
