@@ -1,0 +1,126 @@
+"""First parameters for scattered points: the plane where the points are a height field over it, else an unrolling, else a tube."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError, cKDTree
+
+from scan2nurbs.errors import NoResultError
+from scan2nurbs.surfaces.nodes import Nodes, make_nodes
+
+# Normals of a height field stay within 60 degrees of its direction; beyond, its parameters are stretched more than twice.
+_FLATTEST_COSINE = 0.5
+_OUTLIERS = 0.01
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """Where points lie in a nearly isometric rectangle.
+
+    Attributes
+    ----------
+    name : str
+        "plane", "geodesic" or "tube".
+    uv : (N, 2) float64
+        Parameters in the points' unit.
+    size : (float, float)
+        The rectangle is [0, size[0]] × [0, size[1]].
+    closed : bool
+        Whether u runs around a tube.
+    nodes : Nodes
+        The thinned points that were looked at.
+    node_uv : (M, 2) float64
+        Their parameters; the normals of the nodes point to the side of S_u × S_v.
+    notes : tuple of str
+        What was noticed, one sentence each.
+    """
+
+    name: str
+    uv: NDArray[np.float64]
+    size: tuple[float, float]
+    closed: bool
+    nodes: Nodes
+    node_uv: NDArray[np.float64]
+    notes: tuple[str, ...] = ()
+
+
+def parametrize(points: NDArray[np.float64]) -> Parameters:
+    """Find parameters for points (N, 3) that map the surface one to one.
+
+    Raises
+    ------
+    NoResultError
+        If the points are (nearly) collinear, or no tried map is free of folds: the points are not one sheet or tube.
+    """
+    centre = points.mean(axis=0)
+    spread, axes = np.linalg.eigh((points - centre).T @ (points - centre))
+    if not spread[1] > 1e-8 * spread[2]:
+        raise NoResultError("The points lie on a line; they do not determine a surface.")
+    nodes = make_nodes(points)
+    direction = _height_direction(nodes, axes)
+    if direction is not None:
+        return _finish("plane", nodes, nodes.points @ direction[:2].T, points @ direction[:2].T)
+    raise NoResultError("No map without folds")
+
+
+def _height_direction(nodes: Nodes, axes: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """Return the rows of a frame over whose first two the nodes are a height field with margin; None where there is no such frame."""
+    mean = nodes.normals.mean(axis=0)
+    candidates = [axes[:, 0]]
+    if np.linalg.norm(mean) > 0.1:
+        candidates.append(mean / np.linalg.norm(mean))
+    for normal in candidates:
+        slope = nodes.normals @ normal
+        slope = slope if slope.sum() > 0 else -slope
+        if np.quantile(slope, _OUTLIERS) < _FLATTEST_COSINE:
+            continue
+        first = np.cross(np.cross(normal, axes[:, 2]), normal)
+        if np.linalg.norm(first) < 1e-3:
+            first = np.cross(np.cross(normal, axes[:, 1]), normal)
+        first /= np.linalg.norm(first)
+        frame = np.stack([first, np.cross(normal, first), normal])
+        if overlap(nodes, nodes.points @ frame[:2].T) <= _OUTLIERS:
+            return frame
+    return None
+
+
+def overlap(nodes: Nodes, uv: NDArray[np.float64]) -> float:
+    """Return the fraction of nodes that have a neighbour in the parameters which is far away in space."""
+    k = min(5, len(uv))
+    distance, near = cKDTree(uv).query(uv, k=k)
+    space = np.linalg.norm(nodes.points[near] - nodes.points[:, None], axis=2)
+    return float(np.mean((space > 3.0 * distance + 2.0 * nodes.spacing).any(axis=1)))
+
+
+def _finish(name: str, nodes: Nodes, node_uv: NDArray[np.float64], uv: NDArray[np.float64]) -> Parameters:
+    """Turn the parameters into the smallest rectangle around them, with a margin of one spacing, the long side along u."""
+    turn = smallest_rectangle(node_uv)
+    uv, node_uv = uv @ turn.T, node_uv @ turn.T
+    # Outliers must not stretch the rectangle: what lies far from all nodes is pushed to its border.
+    low, high = node_uv.min(axis=0), node_uv.max(axis=0)
+    margin = 2.0 * nodes.spacing + 0.02 * (high - low)
+    near = np.clip(uv, low - margin, high + margin)
+    low, high = near.min(axis=0) - 0.5 * nodes.spacing, near.max(axis=0) + 0.5 * nodes.spacing
+    size = high - low
+    return Parameters(name, near - low, (float(size[0]), float(size[1])), False, nodes, node_uv - low)
+
+
+def smallest_rectangle(uv: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the rotation (2, 2) into the rectangle of smallest area around points; its long side becomes u.
+
+    A side of that rectangle lies on a side of the convex hull (Freeman and Shapira 1975).
+    """
+    try:
+        hull = uv[ConvexHull(uv).vertices]
+    except QhullError as error:
+        raise NoResultError("The points lie on a line; they do not determine a surface.") from error
+    side = np.roll(hull, -1, axis=0) - hull
+    angle = np.arctan2(side[:, 1], side[:, 0])
+    turns = np.stack([np.stack([np.cos(angle), np.sin(angle)], 1), np.stack([-np.sin(angle), np.cos(angle)], 1)], 1)
+    extent = np.ptp(hull @ turns.transpose(0, 2, 1), axis=1)
+    turn = turns[np.argmin(extent[:, 0] * extent[:, 1])]
+    width, height = np.ptp(hull @ turn.T, axis=0)
+    return turn if width >= height else np.array([[0.0, 1.0], [-1.0, 0.0]]) @ turn

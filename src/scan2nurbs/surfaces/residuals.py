@@ -1,0 +1,133 @@
+"""What residuals tell: the noise, which points are outliers, and where the surface misses the points systematically."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from scan2nurbs.surfaces.axis import Axis
+
+_BLOCK = 30
+_TUKEY = 6.0
+_SUBDIVISION = 4
+_SIGNIFICANCE = 0.01
+
+
+@dataclass(frozen=True)
+class Weighing:
+    """Robust weights (N,) in [0, 1], 0 for outliers, and the noise (one standard deviation) they were judged by."""
+
+    weights: NDArray[np.float64]
+    noise: float
+
+
+def weigh(
+    uv: NDArray[np.float64],
+    size: tuple[float, float],
+    normal: NDArray[np.float64],
+    whole: NDArray[np.float64],
+    floor: float,
+) -> Weighing:
+    """Weigh points by how far their residuals lie from their neighbours' median (Tukey's biweight, scale from the MAD).
+
+    Comparing with the neighbours keeps a region that the surface does not follow *yet*: its points agree with each other.
+
+    Parameters
+    ----------
+    uv : (N, 2) float64
+        Foot points in [0, size[0]] × [0, size[1]].
+    normal, whole : (N,) float64
+        Distances along the normal (signed) and in space.
+    floor : float
+        The scale is taken no smaller than this.
+    """
+    block = _blocks(uv, size, len(uv) / _BLOCK)
+    deviation = normal - _block_medians(block, normal)[block]
+    # The median of 30 takes away a part of the noise; π / 2 is the variance of a median relative to a mean's.
+    noise = 1.4826 * float(np.median(np.abs(deviation))) / np.sqrt(1.0 - np.pi / 2.0 / _BLOCK)
+    beside = np.maximum(whole**2 - normal**2, 0.0)
+    x = np.sqrt(deviation**2 + beside) / (_TUKEY * max(noise, floor))
+    return Weighing(np.where(x < 1.0, (1.0 - np.minimum(x, 1.0) ** 2) ** 2, 0.0), noise)
+
+
+def _blocks(uv: NDArray[np.float64], size: tuple[float, float], count: float) -> NDArray[np.int64]:
+    """Return for each point the block of a regular grid of about `count` blocks, as square as the rectangle allows."""
+    side = np.sqrt(size[0] * size[1] / max(count, 1.0))
+    n_u, n_v = (max(1, round(s / side)) for s in size)
+    i = np.clip((uv[:, 0] / size[0] * n_u).astype(np.int64), 0, n_u - 1)
+    j = np.clip((uv[:, 1] / size[1] * n_v).astype(np.int64), 0, n_v - 1)
+    return i * n_v + j
+
+
+def _block_medians(block: NDArray[np.int64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    order = np.lexsort((values, block))
+    count = np.bincount(block)
+    start = np.cumsum(count) - count
+    last = np.maximum(len(values) - 1, 0)
+    low = values[order[np.minimum(start + np.maximum(count - 1, 0) // 2, last)]]
+    high = values[order[np.minimum(start + count // 2, last)]]
+    return 0.5 * (low + high)
+
+
+def systematic(
+    u: Axis,
+    v: Axis,
+    uv: NDArray[np.float64],
+    residuals: NDArray[np.float64],
+    weights: NDArray[np.float64],
+    noise: float,
+    tolerance: float,
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Mark the spans of u and of v whose residuals are not noise.
+
+    Each span is cut in four along one direction. Were the residuals noise, the sum of n · mean² / σ² over the pieces would follow a
+    chi-squared law; it is tested for every cell of the net, every strip, and the whole, and what is significant and larger than its
+    share of the tolerance (1, 1/2, 1/4 of it, as the root of the mean square) asks for a knot in that direction.
+    """
+    return (
+        _marks(u, v, uv[:, 0], uv[:, 1], residuals, weights, noise, tolerance),
+        _marks(v, u, uv[:, 1], uv[:, 0], residuals, weights, noise, tolerance),
+    )
+
+
+def _marks(
+    along: Axis,
+    across: Axis,
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    residuals: NDArray[np.float64],
+    weights: NDArray[np.float64],
+    noise: float,
+    tolerance: float,
+) -> NDArray[np.bool_]:
+    m, n = along.n_spans, across.n_spans
+    k = np.clip(np.searchsorted(along.breaks, x, side="right") - 1, 0, m - 1)
+    part = (x - along.breaks[k]) / np.diff(along.breaks)[k] * _SUBDIVISION
+    piece = k * _SUBDIVISION + np.clip(part.astype(np.int64), 0, _SUBDIVISION - 1)
+    other = np.clip(np.searchsorted(across.breaks, y, side="right") - 1, 0, n - 1)
+    index = piece * n + other
+    count = np.bincount(index, weights, m * n * _SUBDIVISION)
+    total = np.bincount(index, weights * residuals, m * n * _SUBDIVISION)
+    square = np.divide(total**2, count, out=np.zeros_like(total), where=count > 1.0)
+    freedom = (count > 1.0).astype(np.float64)
+    square, freedom, count = (a.reshape(m, _SUBDIVISION, n).sum(axis=1) for a in (square, freedom, count))
+    cells = _asks(square, freedom, count, noise, tolerance).any(axis=1)
+    sums = square.sum(axis=1), freedom.sum(axis=1), count.sum(axis=1)
+    strips = _asks(*sums, noise, 0.5 * tolerance)
+    marks = cells | strips
+    if not marks.any() and _asks(*(np.atleast_1d(a.sum()) for a in sums), noise, 0.25 * tolerance)[0]:
+        excess = sums[0] - sums[1] * noise**2
+        marks = excess >= 0.5 * excess.max()
+    return marks
+
+
+def _asks(
+    square: NDArray[np.float64], freedom: NDArray[np.float64], count: NDArray[np.float64], noise: float, tolerance: float
+) -> NDArray[np.bool_]:
+    """Tell where Σ n · mean² is both significant (Bonferroni over the array) and large."""
+    probability = chi2.sf(square / max(noise, 1e-300) ** 2, np.maximum(freedom, 1.0)) * square.size
+    bias = np.maximum(square - freedom * noise**2, 0.0) / np.maximum(count, 1.0)
+    return (freedom > 0) & (probability < _SIGNIFICANCE) & (bias > tolerance**2)

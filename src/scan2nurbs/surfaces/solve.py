@@ -1,0 +1,174 @@
+"""Penalised least squares over a grid of spline coefficients, solved as one banded system."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
+
+from scan2nurbs.errors import NoResultError
+from scan2nurbs.kernels.bspline import foot_points_range, normal_equations_range
+from scan2nurbs.kernels.runner import run_ranges
+from scan2nurbs.surfaces.axis import Axis
+from scan2nurbs.surfaces.bspline import BSplineSurface, evaluate_spline
+
+_PARTS = 16
+_SMALLEST_PART = 4096
+_FOOT_RANGE = 8192
+
+
+@dataclass(frozen=True)
+class Spline:
+    """A surface under construction: two axes and the free coefficients (n_u, n_v, 3)."""
+
+    u: Axis
+    v: Axis
+    control: NDArray[np.float64]
+
+    @property
+    def reach(self) -> float:
+        """The longest step a foot point may take at once: half the mean span."""
+        return 0.5 * max(self.u.length / self.u.n_spans, self.v.length / self.v.n_spans)
+
+    def derivatives(self, uv: NDArray[np.float64], order: int) -> NDArray[np.float64]:
+        """Return S and its derivatives at uv, (N, 1 | 3 | 6, 3)."""
+        degrees = (self.u.degree, self.v.degree)
+        return evaluate_spline((self.u.knots, self.v.knots), degrees, self.control, uv, order)
+
+    def foot_points(
+        self, points: NDArray[np.float64], uv: NDArray[np.float64], steps: int
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Return the foot points' parameters (N, 2), the distances along the normal (N,) and the whole distances (N,)."""
+        uv = uv.copy()
+        residuals = np.empty((len(points), 2))
+        a, b = self.u, self.v
+
+        def work(start: int, stop: int) -> None:
+            foot_points_range(
+                a.knots, b.knots, a.degree, b.degree, a.closed, b.closed, self.control, points, steps, self.reach, start, stop, uv, residuals
+            )
+
+        run_ranges(work, len(points), size=_FOOT_RANGE)
+        return uv, residuals[:, 0], residuals[:, 1]
+
+    def finish(self, scale: float, origin: NDArray[np.float64]) -> BSplineSurface:
+        """Return the surface with clamped knots from 0 to 1, scaled and moved back."""
+        control = np.einsum("ai,ijc->ajc", self.u.to_clamped, self.control)
+        control = np.einsum("bj,ajc->abc", self.v.to_clamped, control)
+        knots = tuple((axis.clamped - axis.breaks[0]) / axis.length for axis in (self.u, self.v))
+        for vector, axis in zip(knots, (self.u, self.v), strict=True):
+            vector[-axis.degree - 1 :] = 1.0
+        control = control * scale + origin
+        return BSplineSurface(
+            (self.u.degree, self.v.degree),
+            (knots[0], knots[1]),
+            np.ascontiguousarray(control),
+            np.ones(control.shape[:2]),
+            (self.u.closed, self.v.closed),
+        )
+
+
+def fit_spline(
+    u: Axis,
+    v: Axis,
+    uv: NDArray[np.float64],
+    points: NDArray[np.float64],
+    weights: NDArray[np.float64],
+    smoothness: float,
+) -> Spline:
+    """Minimise the weighted squared distance at fixed parameters plus a thin-plate fairness.
+
+    Parameters
+    ----------
+    u, v : Axis
+        The spline space.
+    uv : (N, 2) float64
+        Parameters of the points, inside the domain.
+    points : (N, 3) float64
+        Points.
+    weights : (N,) float64
+        Weights of the squared distances, ≥ 0, not all zero.
+    smoothness : float
+        Weight of the fairness, relative to the mean weight of the points in one span; it has no unit.
+
+    Raises
+    ------
+    NoResultError
+        If the points do not determine a surface.
+    """
+    matrix, right = normal_equations(u, v, uv, points, weights)
+    matrix += smoothness * weights.sum() / (u.n_spans * v.n_spans) * fairness(u, v)
+    return Spline(u, v, solve_banded(u, v, matrix, right))
+
+
+def normal_equations(
+    u: Axis, v: Axis, uv: NDArray[np.float64], points: NDArray[np.float64], weights: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return BᵀWB as a banded tensor (n_u, n_v, p + 1, 2 q + 1) and BᵀWX (n_u, n_v, 3); the same bits at any number of threads."""
+    p, q = u.degree, v.degree
+    size = max(_SMALLEST_PART, -(-len(points) // _PARTS))
+    parts: dict[int, tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
+
+    def work(start: int, stop: int) -> None:
+        matrix, right = np.zeros((u.n, v.n, p + 1, 2 * q + 1)), np.zeros((u.n, v.n, 3))
+        normal_equations_range(u.knots, v.knots, p, q, uv, points, weights, start, stop, matrix, right)
+        parts[start] = matrix, right
+
+    run_ranges(work, len(points), size=size)
+    matrix, right = parts.pop(0)
+    for start in sorted(parts):
+        matrix += parts[start][0]
+        right += parts[start][1]
+    return matrix, right
+
+
+def fairness(u: Axis, v: Axis) -> NDArray[np.float64]:
+    """Return the thin-plate energy ∫ S_uu² + 2 S_uv² + S_vv² as a banded tensor, parameters measured in mean spans."""
+    p = u.degree
+    (u0, u1, u2), (v0, v1, v2) = u.fairness, v.fairness
+    terms = ((u2, v0, 1.0), (u1, v1, 2.0), (u0, v2, 1.0))
+    return np.asarray(sum(c * np.einsum("ia,jb->ijab", a[:, p:], b) for a, b, c in terms))
+
+
+def solve_banded(u: Axis, v: Axis, matrix: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Solve a banded tensor's system by Cholesky and return the coefficients (n_u, n_v, 3).
+
+    A closed direction is folded (0, n − 1, 1, n − 2, …), which turns the cyclic band into one of twice the width.
+    """
+    (n_u, n_v), p, q = right.shape[:2], u.degree, v.degree
+    fold_u, fold_v = _fold(u), _fold(v)
+    width_u, width_v = p * (2 if u.closed else 1), q * (2 if v.closed else 1)
+    if width_u * n_v + width_v <= width_v * n_u + width_u:
+        place = fold_u[:, None] * n_v + fold_v[None, :]
+    else:
+        place = fold_v[None, :] * n_u + fold_u[:, None]
+    width = min(width_u * n_v + width_v, width_v * n_u + width_u, n_u * n_v - 1)
+    band = np.zeros((width + 1, n_u * n_v))
+    for a in range(p + 1):
+        rows = np.arange(n_u if u.closed else max(n_u - a, 0))
+        for b in range(-q if a else 0, q + 1):
+            columns = np.arange(n_v) if v.closed else np.arange(max(0, -b), min(n_v, n_v - b))
+            first = place[rows[:, None], columns[None, :]]
+            second = place[(rows[:, None] + a) % n_u, (columns[None, :] + b) % n_v]
+            np.add.at(band, (np.abs(first - second), np.minimum(first, second)), matrix[rows[:, None], columns[None, :], a, q + b])
+    # A trace of the mean diagonal keeps a system without points in some corner solvable, far below what can be seen.
+    band[0] += 1e-13 * band[0].mean()
+    flat = np.empty((n_u * n_v, 3))
+    flat[place.ravel()] = right.reshape(-1, 3)
+    try:
+        solution = cho_solve_banded((cholesky_banded(band, lower=True, overwrite_ab=True, check_finite=False), True), flat, check_finite=False)
+    except LinAlgError as error:
+        raise NoResultError("The points do not determine a surface: the least-squares system is singular.") from error
+    if not np.isfinite(solution).all():
+        raise NoResultError("The points do not determine a surface: the least-squares solution is not finite.")
+    return np.ascontiguousarray(solution[place])
+
+
+def _fold(axis: Axis) -> NDArray[np.int64]:
+    """Return the place of each coefficient in the order of the solver."""
+    k = np.arange(axis.n)
+    if not axis.closed:
+        return k
+    return np.where(2 * k < axis.n, 2 * k, 2 * (axis.n - 1 - k) + 1)
