@@ -37,6 +37,7 @@ class Bars:
         self._progress.stop()
 
     def __call__(self, stage: str, done: int, total: int) -> None:
+        """Move the bar of `stage` to `done` of `total`."""
         if stage not in self._tasks:
             for task in self._tasks.values():
                 self._progress.update(task, visible=False)

@@ -1,0 +1,98 @@
+"""The report as one HTML file that needs nothing else: made from the JSON and the pictures."""
+
+from __future__ import annotations
+
+import base64
+import datetime
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
+from typing import Any
+
+import jinja2
+from markupsafe import Markup
+
+from scan2nurbs.report.pictures import Picture
+from scan2nurbs.report.record import plain, to_json
+
+# These have a place of their own on the page; every other object of the JSON becomes a table under its name.
+PLACED = ("schema", "warnings", "seconds", "versions", "parameters", "peak_memory_mb", "outputs")
+_LONGEST_LIST = 12
+
+
+def render_html(record: Mapping[str, Any], pictures: Sequence[Picture] = (), headline: Sequence[tuple[str, str]] = ()) -> str:
+    """Make the page.
+
+    Parameters
+    ----------
+    record : mapping
+        What `--json` prints; any object that `report.record.plain` accepts.
+    pictures : sequence of Picture
+        In the order in which they are shown; they become part of the file.
+    headline : sequence of (name, value)
+        The few figures that answer the question, ready to be read.
+
+    Returns
+    -------
+    str
+        The HTML text; all names and texts in it are escaped.
+    """
+    content = plain(record)
+    tables = {name: list(rows(value)) for name, value in content.items() if name not in PLACED and isinstance(value, dict)}
+    lists = {name: value for name, value in content.items() if name not in PLACED and _is_table(value)}
+    # "<" in a text of the JSON must not end the script element that holds it.
+    raw = Markup(to_json(content).replace("<", "\\u003c"))
+    return _template().render(
+        command=([*str(content.get("schema", "")).split("/"), "report"])[1],
+        record=content,
+        tables=tables,
+        lists=lists,
+        parameters={name: list(rows(value)) for name, value in (content.get("parameters") or {}).items()},
+        pictures=[(picture, base64.b64encode(picture.png).decode("ascii")) for picture in pictures],
+        headline=headline,
+        raw=raw,
+        pretty=to_json(content),
+        made=datetime.datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z"),
+    )
+
+
+def rows(value: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """List the members of an object, those of objects inside it under joined names."""
+    for name, item in value.items():
+        label = f"{prefix}{name}".replace("_", " ")
+        if isinstance(item, dict):
+            yield from rows(item, f"{label}, ")
+        else:
+            yield label, item
+
+
+def shown(value: Any) -> str:
+    """Write a value as a reader expects it: four digits, thousands set apart, a dash for nothing."""
+    if value is None or value == "":
+        return "–"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, int):
+        return f"{value:,}".replace(",", "\u202f")
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    if isinstance(value, list):
+        more = f", … ({len(value)})" if len(value) > _LONGEST_LIST else ""
+        return ", ".join(shown(item) for item in value[:_LONGEST_LIST]) + more or "–"
+    return str(value)
+
+
+def _is_table(value: Any) -> bool:
+    return isinstance(value, list) and bool(value) and all(isinstance(item, dict) for item in value)
+
+
+@cache
+def _template() -> jinja2.Template:
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("scan2nurbs.report"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["shown"] = shown
+    return environment.get_template("report.html")
