@@ -124,8 +124,8 @@ def from_surface(surface: Any) -> BSplineSurface:
     """Return a ``Geom_BSplineSurface`` as arrays; a periodic one is cut open at its seam first."""
     if surface.IsUPeriodic() or surface.IsVPeriodic():
         surface = surface.Copy()
-        surface.SetUNotPeriodic()
-        surface.SetVNotPeriodic()
+        # Unlike SetUNotPeriodic, this leaves clamped knots.
+        surface.Segment(*surface.Bounds())
     n_u, n_v = surface.NbUPoles(), surface.NbVPoles()
     points, weights = np.empty((n_u, n_v, 3)), np.ones((n_u, n_v))
     for i in range(n_u):
@@ -133,10 +133,12 @@ def from_surface(surface: Any) -> BSplineSurface:
             pole = surface.Pole(i + 1, j + 1)
             points[i, j] = pole.X(), pole.Y(), pole.Z()
             weights[i, j] = surface.Weight(i + 1, j + 1)
+    gaps = np.abs(points[0] - points[-1]).max(), np.abs(points[:, 0] - points[:, -1]).max()
+    extent = np.ptp(points.reshape(-1, 3), axis=0).max()
     return BSplineSurface(
         degrees=(surface.UDegree(), surface.VDegree()),
         knots=(np.array(list(surface.UKnotSequence())), np.array(list(surface.VKnotSequence()))),
         control_points=points,
         weights=weights,
-        closed=(surface.IsUClosed(), surface.IsVClosed()),
+        closed=(bool(gaps[0] <= 1e-9 * extent), bool(gaps[1] <= 1e-9 * extent)),
     )

@@ -1,0 +1,100 @@
+"""Whether a model is sound, and what it consists of."""
+
+# The kernel's modules are filled when they are imported; a type checker sees them empty.
+# pyright: reportAttributeAccessIssue=false
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from scan2nurbs.brep.occ import kernel_errors, silence
+
+
+@dataclass(frozen=True)
+class ModelCheck:
+    """What the CAD kernel says about a shape.
+
+    Attributes
+    ----------
+    valid : bool
+        Whether the kernel's own analysis (BRepCheck) finds nothing wrong.
+    n_faces, n_edges : int
+        Distinct faces, and distinct edges that are not shrunk to a point.
+    free_edges : int
+        Edges with a face on one side only. A trimmed face has only such, but for the seam of a tube.
+    closed : bool
+        Whether there are faces and no free edges.
+    max_tolerance : float
+        The largest gap that any vertex, edge or face is allowed, in the numbers of the shape.
+    area, volume : float
+        The volume is 0 for a shape that is not closed.
+    """
+
+    valid: bool
+    n_faces: int
+    n_edges: int
+    free_edges: int
+    closed: bool
+    max_tolerance: float
+    area: float
+    volume: float
+
+
+def check(shape: Any) -> ModelCheck:
+    """Analyse a ``TopoDS_Shape``.
+
+    Raises
+    ------
+    KernelError
+        If the kernel cannot even analyse it.
+    """
+    from OCP.BRep import BRep_Tool
+    from OCP.BRepCheck import BRepCheck_Analyzer
+    from OCP.BRepGProp import BRepGProp
+    from OCP.collections import IndexedDataMap_TopoDS_Shape_List_TopoDS_Shape_TopTools_ShapeMapHasher as EdgeMap
+    from OCP.collections import IndexedMap_TopoDS_Shape_TopTools_ShapeMapHasher as ShapeMap
+    from OCP.GProp import GProp_GProps
+    from OCP.ShapeAnalysis import ShapeAnalysis_ShapeTolerance
+    from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE
+    from OCP.TopExp import TopExp
+    from OCP.TopoDS import TopoDS
+
+    silence()
+    with kernel_errors("analyse the shape"):
+        valid = bool(BRepCheck_Analyzer(shape, True).IsValid())
+        faces, edges = ShapeMap(), EdgeMap()
+        TopExp.MapShapes_s(shape, TopAbs_FACE, faces)
+        TopExp.MapShapesAndAncestors_s(shape, TopAbs_EDGE, TopAbs_FACE, edges)
+        n_edges = free = 0
+        for k in range(1, edges.Size() + 1):
+            edge = TopoDS.Edge(edges.FindKey(k))
+            if BRep_Tool.Degenerated_s(edge):
+                continue
+            n_edges += 1
+            # A seam is listed with its one face twice.
+            free += edges.FindFromIndex(k).Size() < 2
+        surface_props, volume_props = GProp_GProps(), GProp_GProps()
+        BRepGProp.SurfaceProperties_s(shape, surface_props, 1e-6)
+        closed = faces.Size() > 0 and free == 0
+        if closed:
+            BRepGProp.VolumeProperties_s(shape, volume_props, 1e-6)
+        tolerance = ShapeAnalysis_ShapeTolerance().Tolerance(shape, 1)
+    return ModelCheck(
+        valid=valid,
+        n_faces=faces.Size(),
+        n_edges=n_edges,
+        free_edges=free,
+        closed=closed,
+        max_tolerance=tolerance,
+        area=abs(surface_props.Mass()),
+        volume=abs(volume_props.Mass()) if closed else 0.0,
+    )
+
+
+def is_valid(shape: Any) -> bool:
+    """Return whether the kernel's own analysis finds nothing wrong with a shape."""
+    from OCP.BRepCheck import BRepCheck_Analyzer
+
+    with kernel_errors("analyse the shape"):
+        return bool(BRepCheck_Analyzer(shape, True).IsValid())
