@@ -1,0 +1,214 @@
+"""Rows of numbers in text: the engine under every text format.
+
+The careful reader of lines is the specification; NumPy's C reader takes the blocks that it understands alike, nearly all.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scan2nurbs.errors import InputError
+from scan2nurbs.io.source import Buffer, Source
+
+BLOCK = 1 << 23
+"""Bytes parsed at a time; no line may be longer."""
+
+_COMMENT = (b"#", b"//", b"%", b"!")
+_NUMBER = re.compile(rb"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?")
+_INFINITE = re.compile(rb"[+-]?(inf|infinity|1\.#INF)", re.IGNORECASE)
+_MISSING = re.compile(rb"|[+-]?nan(\(\w*\))?|[+-]?1\.#(QNAN|SNAN|IND)\d*|null|none|n/?a", re.IGNORECASE)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Layout:
+    """How the numbers stand in the lines.
+
+    Attributes
+    ----------
+    columns : (int, int, int)
+        Which columns are x, y and z.
+    width : int or None
+        How many columns every row has; None where rows may have any number that reaches the three.
+    separator : bytes or None
+        What stands between columns; None for any white space.
+    decimal_comma : bool
+        Whether 1,5 means 1.5.
+    """
+
+    columns: tuple[int, int, int] = (0, 1, 2)
+    width: int | None = None
+    separator: bytes | None = None
+    decimal_comma: bool = False
+
+
+def read_rows(
+    source: Source, start: int, line: int, layout: Layout, *, n_rows: int | None = None, what: str = "points"
+) -> NDArray[np.float64]:
+    """Read x, y and z of the rows that begin at byte `start`.
+
+    Parameters
+    ----------
+    source : Source
+        The file.
+    start, line : int
+        Byte offset of the first row, and the number of its line, counted from 1.
+    layout : Layout
+        How the numbers stand in the lines.
+    n_rows : int, optional
+        How many rows there are; what follows them is not looked at. Without it, all lines are rows.
+    what : str
+        What the header calls the rows, for messages.
+
+    Returns
+    -------
+    (N, 3) float64
+        Blank lines and comments are no rows. Missing numbers are NaN.
+
+    Raises
+    ------
+    InputError
+        If a row is not numeric or has a wrong number of columns (with the line's number as offset), or rows are missing.
+    """
+    parts: list[NDArray[np.float64]] = []
+    found = 0
+    for block, first_line in blocks(source, start, line):
+        if n_rows is not None and found >= n_rows:
+            break
+        for piece, piece_line in _cut(block, first_line, None if n_rows is None else n_rows - found):
+            wanted = None if n_rows is None else n_rows - found
+            rows = _parse(source, piece, piece_line, layout, wanted)
+            parts.append(rows)
+            found += len(rows)
+    if n_rows is not None and found < n_rows:
+        raise source.fault(f"The header declares {n_rows:,} {what}, the file ends after {found:,}.", len(source.data))
+    return np.concatenate(parts) if parts else np.empty((0, 3))
+
+
+def blocks(source: Source, start: int, line: int) -> Iterator[tuple[bytes, int]]:
+    """Yield pieces of the text that end at the end of a line, each with the number of its first line."""
+    size = len(source.data)
+    while start < size:
+        block = source.data[start : start + BLOCK]
+        if start + len(block) < size:
+            end = block.rfind(b"\n")
+            if end < 0:
+                raise source.fault(f"Line {line} is longer than {BLOCK:,} bytes: this is no text with a point a line.", line)
+            block = block[: end + 1]
+        yield block, line
+        start += len(block)
+        line += block.count(b"\n")
+
+
+def skip_rows(source: Source, start: int, line: int, n_rows: int) -> tuple[int, int]:
+    """Return the byte offset and line number behind `n_rows` lines that are not blank."""
+    while n_rows > 0:
+        end = source.data.find(b"\n", start)
+        if end < 0:
+            raise source.fault("The file ends before the points begin.", len(source.data))
+        n_rows -= bool(source.data[start:end].strip())
+        start, line = end + 1, line + 1
+    return start, line
+
+
+def with_newlines(data: Buffer) -> Buffer:
+    """Return the text with lines ended by a line feed, also where an old Macintosh ended them by a carriage return."""
+    return data[:].replace(b"\r", b"\n") if data.find(b"\n") < 0 and data.find(b"\r") >= 0 else data
+
+
+def strip_comment(line: bytes) -> bytes:
+    """Return what a line says, without its comment and white space."""
+    line = line.split(b"#", 1)[0].strip()
+    return b"" if line.startswith(_COMMENT) else line
+
+
+def split_row(line: bytes, separator: bytes | None) -> list[bytes]:
+    """Return the columns of a line; an empty one behind a trailing separator counts."""
+    if separator is None:
+        return line.split()
+    return [token.strip().strip(b'"').strip() for token in line.split(separator)]
+
+
+def number(token: bytes, *, decimal_comma: bool = False) -> float | None:
+    """Return the number that a column holds, NaN for the usual words for a missing one, None where it holds something else."""
+    if decimal_comma:
+        token = token.replace(b",", b".", 1)
+    if _NUMBER.fullmatch(token):
+        return float(token.upper().replace(b"D", b"E"))
+    if _MISSING.fullmatch(token):
+        return np.nan
+    if _INFINITE.fullmatch(token):
+        return -np.inf if token.startswith(b"-") else np.inf
+    return None
+
+
+def _cut(block: bytes, line: int, n_rows: int | None) -> Iterator[tuple[bytes, int]]:
+    """Cut a block where its wanted rows end if every line is one, so that what follows does not spoil the quick reading."""
+    if n_rows is None or block.count(b"\n") <= n_rows:
+        yield block, line
+        return
+    ends = np.flatnonzero(np.frombuffer(block, np.uint8) == ord("\n"))
+    cut = int(ends[n_rows - 1]) + 1 if n_rows else 0
+    yield block[:cut], line
+    yield block[cut:], line + n_rows
+
+
+def _parse(source: Source, block: bytes, line: int, layout: Layout, wanted: int | None) -> NDArray[np.float64]:
+    if wanted == 0 or not block.strip():
+        return np.empty((0, 3))
+    rows = _parse_fast(block, layout)
+    if rows is None or (wanted is not None and len(rows) > wanted):
+        rows = _parse_lines(source, block, line, layout, wanted)
+    return rows
+
+
+def _parse_fast(block: bytes, layout: Layout) -> NDArray[np.float64] | None:
+    """Read a block by NumPy's C reader; None where it holds anything but rows of numbers."""
+    if layout.decimal_comma:
+        block = block.replace(b",", b".")
+    separator = None if layout.separator is None else layout.separator.decode()
+    usecols = layout.columns if layout.width is None else None
+    try:
+        rows = np.loadtxt(io.BytesIO(block), delimiter=separator, comments=None, ndmin=2, usecols=usecols)
+    except ValueError:
+        return None
+    if layout.width is None:
+        return rows
+    return np.ascontiguousarray(rows[:, layout.columns]) if rows.shape[1] == layout.width else None
+
+
+def _parse_lines(source: Source, block: bytes, line: int, layout: Layout, wanted: int | None) -> NDArray[np.float64]:
+    rows: list[tuple[float, ...]] = []
+    for number_of_line, text in enumerate(block.split(b"\n"), line):
+        if len(rows) == wanted:
+            break
+        body = strip_comment(text)
+        if body and not (body.startswith(b";") and layout.separator != b";"):
+            rows.append(_parse_line(source, body, number_of_line, layout))
+    return np.array(rows, np.float64).reshape(-1, 3)
+
+
+def _parse_line(source: Source, body: bytes, line: int, layout: Layout) -> tuple[float, ...]:
+    tokens = split_row(body, layout.separator)
+    n = len(tokens) - (layout.separator is not None and len(tokens) - 1 == layout.width and not tokens[-1])
+    if n != layout.width if layout.width is not None else n <= max(layout.columns):
+        wanted = f"at least {max(layout.columns) + 1}" if layout.width is None else f"{layout.width}"
+        raise source.fault(f"Line {line} has {n} {'column' if n == 1 else 'columns'} instead of {wanted}.", line)
+    return tuple(_coordinate(source, tokens[column], line, layout) for column in layout.columns)
+
+
+def _coordinate(source: Source, token: bytes, line: int, layout: Layout) -> float:
+    value = number(token, decimal_comma=layout.decimal_comma)
+    if value is None:
+        raise InputError(f"Line {line}: {show(token)} is no number.", path=source.path, offset=line)
+    return value
+
+
+def show(token: bytes) -> str:
+    """Return a piece of a file as it may stand in a message: short, quoted, without control characters."""
+    return repr(token[:40].decode("utf-8", "replace") + ("…" if len(token) > 40 else ""))
