@@ -26,6 +26,7 @@ _NARROWEST_SPAN = 1.5
 _TOLERANCE_OF_NOISE = 0.5
 _TOLERANCE_OF_SPACING = 0.02
 _WEIGHT_FLOOR = 0.02
+_SLACK = 0.05
 
 
 @dataclass(frozen=True)
@@ -73,6 +74,10 @@ class Task:
         floor = max(_WEIGHT_FLOOR * self.spacing, 0.3 * (self.tolerance or 0.0))
         weighing = weigh(uv, self.size, normal, whole, floor)
         return weighing if self.robust else Weighing(np.ones(len(uv)), weighing.noise)
+
+    def slack(self, u: Axis, v: Axis, noise: float) -> float:
+        """Return by how much fairness may raise the sum of squares: little against what noise alone puts into the coefficients."""
+        return _SLACK * u.n * v.n * noise**2
 
     def resolve(self, found: float) -> tuple[float, float]:
         """Return the noise to believe in and the tolerance, both given or from the noise found in the residuals."""
@@ -128,7 +133,7 @@ def settle(task: Task, state: State, points: NDArray[np.float64], uv: NDArray[np
     before = np.inf
     for _ in range(4):
         weights = task.weigh(uv, normal, whole).weights
-        spline = fit_spline(u, v, uv, points, weights, task.smoothness)
+        spline = fit_spline(u, v, uv, points, weights, task.smoothness, task.slack(u, v, state.noise))
         uv, normal, whole = spline.foot_points(points, uv, _STEPS)
         rms = float(np.sqrt(np.average(normal**2, weights=weights)))
         if abs(before - rms) <= 1e-3 * rms:
@@ -166,7 +171,7 @@ def _start(task: Task) -> State:
 
 
 def _refit(task: Task, state: State, u: Axis, v: Axis) -> State:
-    spline = fit_spline(u, v, state.uv, task.points, state.weights, task.smoothness)
+    spline = fit_spline(u, v, state.uv, task.points, state.weights, task.smoothness, task.slack(u, v, state.noise))
     uv, normal, whole = spline.foot_points(task.points, state.uv, _STEPS)
     weighing = task.weigh(uv, normal, whole)
     noise, tolerance = task.resolve(weighing.noise)

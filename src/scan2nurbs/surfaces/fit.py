@@ -36,8 +36,8 @@ class FitParams:
     noise : float, optional
         Standard deviation of the points along the normal, in their unit, ≥ 0. None: estimated from the residuals.
     smoothness : float
-        Weight of the thin-plate fairness relative to the points in one span, > 0; no unit. The default, 1e-4, is felt only where
-        there are (nearly) no points; 1e-2 visibly irons.
+        Largest weight of the thin-plate fairness relative to the points in one span, > 0; no unit. The fit lowers it as far as fairness
+        would be seen in the residuals, so that it is felt only where there are (nearly) no points.
     max_control_points : int
         Bound of the size of the net, ≥ 4.
     max_iterations : int
@@ -49,7 +49,7 @@ class FitParams:
     degree: int | tuple[int, int] = 3
     tolerance: float | None = None
     noise: float | None = None
-    smoothness: float = 1e-4
+    smoothness: float = 1e-2
     max_control_points: int = 10_000
     max_iterations: int = 20
     robust: bool = True

@@ -12,7 +12,6 @@ from scan2nurbs.surfaces.axis import Axis
 
 _BLOCK = 30
 _TUKEY = 6.0
-_SUBDIVISION = 4
 _SIGNIFICANCE = 0.01
 
 
@@ -48,8 +47,10 @@ def weigh(
     deviation = normal - _block_medians(block, normal)[block]
     # The median of 30 takes away a part of the noise; π / 2 is the variance of a median relative to a mean's.
     noise = 1.4826 * float(np.median(np.abs(deviation))) / np.sqrt(1.0 - np.pi / 2.0 / _BLOCK)
+    # Where the surface does not follow yet, the deviations of a whole block are large; a minority in it are outliers all the same.
+    scale = np.maximum(1.4826 * _block_medians(block, np.abs(deviation)), max(noise, floor))[block]
     beside = np.maximum(whole**2 - normal**2, 0.0)
-    x = np.sqrt(deviation**2 + beside) / (_TUKEY * max(noise, floor))
+    x = np.sqrt(deviation**2 + beside) / (_TUKEY * scale)
     return Weighing(np.where(x < 1.0, (1.0 - np.minimum(x, 1.0) ** 2) ** 2, 0.0), noise)
 
 
@@ -83,8 +84,8 @@ def systematic(
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Mark the spans of u and of v whose residuals are not noise.
 
-    Each span is cut in four along one direction. Were the residuals noise, the sum of n · mean² / σ² over the pieces would follow a
-    chi-squared law; it is tested for every cell of the net, every strip, and the whole, and what is significant and larger than its
+    Each span is cut along one direction in 2 (degree + 1) pieces, twice as many as a polynomial piece has waves left. Were the residuals noise, the spread of the pieces' means, Σ n · (mean − mean of all)²
+    / σ², would follow a chi-squared law; it is tested for every cell of the net, every strip, and the whole, and what is significant and larger than its
     share of the tolerance (1, 1/2, 1/4 of it, as the root of the mean square) asks for a knot in that direction.
     """
     return (
@@ -104,16 +105,17 @@ def _marks(
     tolerance: float,
 ) -> NDArray[np.bool_]:
     m, n = along.n_spans, across.n_spans
-    k = np.clip(np.searchsorted(along.breaks, x, side="right") - 1, 0, m - 1)
-    part = (x - along.breaks[k]) / np.diff(along.breaks)[k] * _SUBDIVISION
-    piece = k * _SUBDIVISION + np.clip(part.astype(np.int64), 0, _SUBDIVISION - 1)
-    other = np.clip(np.searchsorted(across.breaks, y, side="right") - 1, 0, n - 1)
-    index = piece * n + other
-    count = np.bincount(index, weights, m * n * _SUBDIVISION)
-    total = np.bincount(index, weights * residuals, m * n * _SUBDIVISION)
-    square = np.divide(total**2, count, out=np.zeros_like(total), where=count > 1.0)
-    freedom = (count > 1.0).astype(np.float64)
-    square, freedom, count = (a.reshape(m, _SUBDIVISION, n).sum(axis=1) for a in (square, freedom, count))
+    pieces, lanes = 2 * (along.degree + 1), 4 if n <= 3 else 2
+    index = _cut(along, x, pieces) * (n * lanes) + _cut(across, y, lanes)
+    count = np.bincount(index, weights, m * pieces * n * lanes).reshape(m, pieces, n, lanes)
+    total = np.bincount(index, weights * residuals, count.size).reshape(count.shape)
+    used = count > 1.0
+    count, total = np.where(used, count, 0.0), np.where(used, total, 0.0)
+    square = (total**2 / np.maximum(count, 1.0)).sum(axis=1)
+    # What does not change along this direction is the other direction's concern.
+    square -= total.sum(axis=1) ** 2 / np.maximum(count.sum(axis=1), 1.0)
+    freedom = np.maximum(used.sum(axis=1) - 1.0, 0.0)
+    square, freedom, count = square.sum(axis=2), freedom.sum(axis=2), count.sum(axis=(1, 3))
     cells = _asks(square, freedom, count, noise, tolerance).any(axis=1)
     sums = square.sum(axis=1), freedom.sum(axis=1), count.sum(axis=1)
     strips = _asks(*sums, noise, 0.5 * tolerance)
@@ -122,6 +124,13 @@ def _marks(
         excess = sums[0] - sums[1] * noise**2
         marks = excess >= 0.5 * excess.max()
     return marks
+
+
+def _cut(axis: Axis, x: NDArray[np.float64], parts: int) -> NDArray[np.int64]:
+    """Return for each parameter the number of its part, every span cut in `parts`."""
+    k = np.clip(np.searchsorted(axis.breaks, x, side="right") - 1, 0, axis.n_spans - 1)
+    part = ((x - axis.breaks[k]) / np.diff(axis.breaks)[k] * parts).astype(np.int64)
+    return k * parts + np.clip(part, 0, parts - 1)
 
 
 def _asks(

@@ -17,6 +17,7 @@ from scan2nurbs.surfaces.bspline import BSplineSurface, evaluate_spline
 _PARTS = 16
 _SMALLEST_PART = 4096
 _FOOT_RANGE = 8192
+_DECADES = 5
 
 
 @dataclass(frozen=True)
@@ -77,6 +78,7 @@ def fit_spline(
     points: NDArray[np.float64],
     weights: NDArray[np.float64],
     smoothness: float,
+    slack: float = 0.0,
 ) -> Spline:
     """Minimise the weighted squared distance at fixed parameters plus a thin-plate fairness.
 
@@ -91,7 +93,9 @@ def fit_spline(
     weights : (N,) float64
         Weights of the squared distances, ≥ 0, not all zero.
     smoothness : float
-        Weight of the fairness, relative to the mean weight of the points in one span; it has no unit.
+        Largest weight of the fairness, relative to the mean weight of the points in one span; it has no unit.
+    slack : float
+        By how much fairness may raise the sum of squares; its weight falls by up to five decades until it does not.
 
     Raises
     ------
@@ -99,8 +103,34 @@ def fit_spline(
         If the points do not determine a surface.
     """
     matrix, right = normal_equations(u, v, uv, points, weights)
-    matrix += smoothness * weights.sum() / (u.n_spans * v.n_spans) * fairness(u, v)
-    return Spline(u, v, solve_banded(u, v, matrix, right))
+    fair = weights.sum() / (u.n_spans * v.n_spans) * fairness(u, v)
+
+    def solve(decade: int) -> NDArray[np.float64]:
+        return solve_banded(u, v, matrix + smoothness * 10.0**-decade * fair, right)
+
+    best, loose, firm = solve(_DECADES), 0, _DECADES
+    closest = best
+    # The weight that is accepted is found by bisection: the rise grows with it.
+    while loose < firm:
+        middle = (loose + firm) // 2
+        control = solve(middle)
+        if quadratic_form(u, v, matrix, control - closest) <= slack:
+            best, firm = control, middle
+        else:
+            loose = middle + 1
+    return Spline(u, v, best)
+
+
+def quadratic_form(u: Axis, v: Axis, matrix: NDArray[np.float64], x: NDArray[np.float64]) -> float:
+    """Return xᵀ A x of a banded tensor, summed over the coordinates."""
+    (n_u, n_v), q, total = x.shape[:2], v.degree, 0.0
+    for a in range(u.degree + 1):
+        rows = np.arange(n_u if u.closed else max(n_u - a, 0))
+        for b in range(-q if a else 0, q + 1):
+            columns = np.arange(n_v) if v.closed else np.arange(max(0, -b), min(n_v, n_v - b))
+            product = x[np.ix_(rows, columns)] * x[np.ix_((rows + a) % n_u, (columns + b) % n_v)]
+            total += (2.0 if a or b else 1.0) * float(np.sum(product.sum(axis=2) * matrix[rows[:, None], columns[None, :], a, q + b]))
+    return total
 
 
 def normal_equations(
