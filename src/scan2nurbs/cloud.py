@@ -19,6 +19,9 @@ PointSource: TypeAlias = "str | os.PathLike[str] | ArrayLike | PointCloud | Any"
 UNITS = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 0.001, "in": 25.4, "ft": 304.8}
 """Millimetres in one unit."""
 
+MAGNITUDES = (1e-100, 1e100)
+"""Least extent and largest coordinate: squares of lengths must neither vanish nor overflow."""
+
 
 @dataclass(frozen=True)
 class PointCloud:
@@ -94,7 +97,7 @@ def as_cloud(source: PointSource, unit: str | None = None) -> PointCloud:
     if isinstance(source, str | os.PathLike):
         return _from_file(Path(source), unit)
     rows = _as_rows(getattr(source, "points", source))
-    digest = hashlib.sha256(np.ascontiguousarray(rows)).hexdigest()
+    digest = hashlib.sha256(np.ascontiguousarray(rows).data).hexdigest()
     return _from_rows(rows, unit or "mm", source="array", sha256=digest)
 
 
@@ -126,12 +129,12 @@ def _from_rows(rows: NDArray[np.float64], unit: str, **about: Any) -> PointCloud
     kept = rows[finite]
     index = np.full(len(rows), -1, np.int64)
     distinct, index[finite] = _merge_duplicates(kept)
+    path = None if about.get("source", "array") == "array" else about["source"]
     if len(distinct) < 3:
-        path = None if about.get("source", "array") == "array" else about["source"]
         raise InputError(f"Only {len(distinct)} distinct finite points are left of {len(rows)} rows; at least 3 are needed.", path=path)
     low, high = distinct.min(axis=0), distinct.max(axis=0)
-    if not np.isfinite(high - low).all() or np.abs(distinct).max() > 1e100:
-        raise InputError("The coordinates are too large to compute with (beyond 1e100).", path=about.get("source"))
+    if np.abs(distinct).max() > MAGNITUDES[1] or (high - low).max() < MAGNITUDES[0]:
+        raise InputError("The coordinates are too large, or their extent too small, to compute with (1e-100 to 1e100).", path=path)
     origin = 0.5 * (low + high)
     # Points that lie about zero already keep their coordinates to the bit.
     if np.all(np.abs(origin) <= high - low):
