@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from importlib import import_module, metadata
+from inspect import getdoc
 from typing import Annotated, Any
 
 import typer
@@ -41,7 +42,9 @@ def load(name: str) -> Any:
     """Import a command and build its parser."""
     module, _ = COMMANDS[name]
     single = typer.Typer(add_completion=False, rich_markup_mode="rich", pretty_exceptions_enable=False)
-    single.command(name=name)(getattr(import_module(f"scan2nurbs.cli.{module}"), name))
+    command = getattr(import_module(f"scan2nurbs.cli.{module}"), name)
+    paragraphs = (getdoc(command) or "").split("\n\n")
+    single.command(name=name, help="\n\n".join(" ".join(paragraph.split()) for paragraph in paragraphs))(command)
     return typer.main.get_command(single)
 
 
@@ -72,7 +75,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     try:
         with interruptible():
             build()(args=arguments, prog_name="scan2nurbs")
-    except (Exception, Interrupted) as error:
+    except (Exception, Interrupted, KeyboardInterrupt) as error:
         # The one place that catches everything: a user gets a sentence, --debug gets the traceback.
         if "--debug" in arguments and not isinstance(error, Interrupted):
             raise_with_traceback(error)

@@ -93,9 +93,14 @@ def takes(*stages: Stage) -> Callable[[Callable[..., None]], Callable[..., None]
 def option_for(stage: Stage, field: dataclasses.Field[Any]) -> inspect.Parameter:
     """Make the option of one field; None means that it was not given."""
     kind = bare_type(get_type_hints(stage.params)[field.name])
-    text = describe(stage.params).get(field.name, "")
+    text = field.metadata.get("help") or describe(stage.params).get(field.name, "")
+    if field.metadata.get("unit"):
+        text = f"{text}, in units of {field.metadata['unit']}" if field.metadata["unit"] != "degrees" else f"{text}, in degrees"
+    if re.match(r"[a-z][a-z-]+\b(?!_)", text):  # but not a formula's letter
+        text = text[0].upper() + text[1:]
+    text = text.rstrip(".")
     default = field.default if field.default is not dataclasses.MISSING else None
-    if default is not None and default != ():
+    if default is not None and kind is not bool:
         text = f"{text} (default: {default})"
     # The help is read as rich markup, in which "[" opens a tag.
     flag = "--" + stage.options.get(field.name, field.name).replace("_", "-")

@@ -8,6 +8,12 @@ from pathlib import Path
 
 from scan2nurbs.errors import ParameterError
 
+REPORTS = (".html", ".htm")
+POINTS = (".ply", ".npz", ".csv")
+CAD = (".step", ".stp", ".iges", ".igs", ".brep", ".3dm")
+MESHES = (".stl", ".ply", ".obj")
+"""Suffixes that have a writer; a test compares them with the writers."""
+
 
 def check_outputs(outputs: Iterable[tuple[Path | None, Collection[str]]], inputs: Iterable[Path | None]) -> None:
     """Refuse an output that could not be written in the end, or that would overwrite an input or another output.

@@ -42,6 +42,8 @@ class Bars:
             for task in self._tasks.values():
                 self._progress.update(task, visible=False)
             self._tasks[stage] = self._progress.add_task(stage, total=total)
+        elif done < self._progress.tasks[self._tasks[stage]].completed:
+            self._progress.reset(self._tasks[stage])  # another pass of the same stage
         self._progress.update(self._tasks[stage], completed=done, total=total)
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from scan2nurbs.cli.common import Common, answer, messages, stdout_kept_clean
+from scan2nurbs.cli.common import Common, answer, messages, say, stdout_kept_clean
 from scan2nurbs.cli.progress import Bars, compiling_noticed
 from scan2nurbs.errors import InputError, NoResultError
 from scan2nurbs.report.record import Stopwatch, peak_memory_mb, to_json, versions
@@ -43,6 +43,10 @@ class Session:
     watch: Stopwatch = field(default_factory=Stopwatch)
     text: str = ""
 
+    def bar(self, stage: str) -> Callable[[int, int], None]:
+        """Return a callback ``(done, total)`` that moves the bar of `stage`."""
+        return lambda done, total: self.progress(stage, done, total)
+
     def finish(
         self,
         record: dict[str, Any],
@@ -72,7 +76,10 @@ class Session:
         record["outputs"] = written
         record["seconds"] = {**record.get("seconds", {}), **self.watch.seconds}
         record["peak_memory_mb"] = peak_memory_mb()
-        record.setdefault("warnings", [])
+        warnings = record.setdefault("warnings", [])
+        if not self.common.quiet:
+            for text in warnings:
+                say(f"scan2nurbs: warning: {text}")
         record["versions"] = versions()
         if self.common.report is not None:
             write_report(self.common.report, record, pictures(), headline)
