@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,9 @@ from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 from scan2nurbs.errors import NoResultError
 from scan2nurbs.surfaces.nodes import Nodes, make_nodes
+from scan2nurbs.surfaces.unroll import carry, jacobians, unroll
+
+logger = logging.getLogger(__name__)
 
 # Normals of a height field stay within 60 degrees of its direction; beyond, its parameters are stretched more than twice.
 _FLATTEST_COSINE = 0.5
@@ -63,7 +67,45 @@ def parametrize(points: NDArray[np.float64]) -> Parameters:
     direction = _height_direction(nodes, axes)
     if direction is not None:
         return _finish("plane", nodes, nodes.points @ direction[:2].T, points @ direction[:2].T)
-    raise NoResultError("No map without folds")
+    uv = unroll(nodes)
+    jacobian = jacobians(nodes, uv)
+    quality = judge(nodes, uv, jacobian)
+    logger.info("unrolled: %s", quality)
+    if quality.valid:
+        return _finish("geodesic", nodes, uv, carry(nodes, uv, jacobian, points))
+    raise NoResultError("No map without folds was found: the points are not one sheet that can be unrolled, or one tube.")
+
+
+@dataclass(frozen=True)
+class Quality:
+    """How a map of the nodes is to be judged.
+
+    Attributes
+    ----------
+    flipped : float
+        Fraction of nodes whose neighbourhood is mirrored or squashed to less than a quarter in some direction.
+    overlapping : float
+        Fraction of nodes that share their place with nodes far away on the surface.
+    stretch : float
+        95 % quantile of the larger of stretch and squash, ≥ 1.
+    """
+
+    flipped: float
+    overlapping: float
+    stretch: float
+
+    @property
+    def valid(self) -> bool:
+        """Whether the map is one to one but for a few outliers."""
+        return self.flipped <= 2 * _OUTLIERS and self.overlapping <= 2 * _OUTLIERS
+
+
+def judge(nodes: Nodes, uv: NDArray[np.float64], jacobian: NDArray[np.float64]) -> Quality:
+    """Judge a map by its jacobians and by who shares a place."""
+    singular = np.linalg.svd(jacobian, compute_uv=False)
+    squashed = (np.linalg.det(jacobian) <= 0) | (singular[:, 1] < 0.25)
+    worst = np.maximum(singular[:, 0], 1.0 / np.maximum(singular[:, 1], 1e-12))
+    return Quality(float(np.mean(squashed)), overlap(nodes, uv), float(np.quantile(worst, 0.95)))
 
 
 def _height_direction(nodes: Nodes, axes: NDArray[np.float64]) -> NDArray[np.float64] | None:
