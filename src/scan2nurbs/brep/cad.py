@@ -1,5 +1,6 @@
 """Read CAD files, and their surfaces as triangles that know where on which surface they lie."""
 
+# pyright: reportAttributeAccessIssue=false
 from __future__ import annotations
 
 import os
@@ -97,7 +98,7 @@ class CadPart:
     @property
     def face_area(self) -> Floats:
         """Area of each face, (F,)."""
-        return np.bincount(self.face, weights=self.triangle_area, minlength=len(self.faces))
+        return np.bincount(self.face, weights=self.triangle_area, minlength=len(self.faces)).astype(np.float64)
 
     def lift(self, triangle: NDArray[np.integer], weight: Floats) -> tuple[Floats, Floats]:
         """Return the points and outward unit normals on the true surfaces that belong to points of the triangles.
@@ -129,13 +130,17 @@ class CadPart:
         return points, normals
 
     def nearest_face(self, point: Any) -> int:
-        """Return the face nearest to a point, measured at corners, edge middles and centroids of the triangles."""
-        weight = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0], [0, 1, 1], [1, 0, 1], [1, 1, 1]], dtype=float)
-        weight /= weight.sum(axis=1, keepdims=True)
-        samples = np.einsum("wk,tkc->twc", weight, self.corners)
-        distance = np.linalg.norm(samples - np.asarray(point, dtype=float), axis=2)
-        # The mean of the three samples nearest decides: a corner alone belongs to the neighbours too.
-        return int(self.face[np.sort(distance, axis=1)[:, :3].mean(axis=1).argmin()])
+        """Return the face nearest to a point, measured to the triangles."""
+        local = self.corners - np.asarray(point, dtype=np.float64)
+        ends = np.roll(local, -1, axis=1)
+        sides = ends - local
+        along = np.einsum("tkc,tkc->tk", -local, sides) / np.maximum(np.einsum("tkc,tkc->tk", sides, sides), np.finfo(float).tiny)
+        squared = ((local + np.clip(along, 0.0, 1.0)[..., None] * sides) ** 2).sum(axis=2).min(axis=1)
+        normal = np.cross(sides[:, 0], sides[:, 1])
+        foot_sides = np.einsum("tkc,tc->tk", np.cross(sides, -local), normal)
+        height = np.einsum("tc,tc->t", local[:, 0], normal) / np.linalg.norm(normal, axis=1)
+        above = (foot_sides > 0).all(axis=1)
+        return int(self.face[np.where(above, height**2, squared).argmin()])
 
 
 def _on_surface(face: CadFace, uv: Floats, inside: Floats) -> tuple[Floats, Floats]:

@@ -1,5 +1,6 @@
 """Exact points and derivatives of CAD surfaces at many parameters at once, without a call into the CAD kernel for each."""
 
+# pyright: reportAttributeAccessIssue=false
 from __future__ import annotations
 
 from collections.abc import Callable

@@ -99,7 +99,7 @@ def simulate_scan(part: CadPart | str | os.PathLike[str] | Any, params: Simulate
     params = params or SimulateParams()
     if not isinstance(part, CadPart):
         part = load_cad(part) if isinstance(part, str | os.PathLike) else tessellate(part)
-    samples, n_outliers = _sample(part, params)
+    part, samples, n_outliers = _sample(part, params)
     spacing = float(np.sqrt(samples.area.mean()))
     unit = spacing if params.noise_unit == "spacing" else 1.0
     clean, normal = part.lift(samples.triangle, samples.weight)
@@ -124,8 +124,8 @@ def simulate_scan(part: CadPart | str | os.PathLike[str] | Any, params: Simulate
     )
 
 
-def _sample(part: CadPart, params: SimulateParams) -> tuple[Samples, int]:
-    """Return as many samples as were asked for, and the number of outliers to add to them."""
+def _sample(part: CadPart, params: SimulateParams) -> tuple[CadPart, Samples, int]:
+    """Return the part as finely tessellated as needed, as many samples of it as were asked for, and the number of outliers to add."""
     pitch = float(np.sqrt(part.area / _FIRST_POINTS))
     samples = _SAMPLERS[params.mode](part, pitch, params)
     if len(samples) == 0:
@@ -152,7 +152,7 @@ def _sample(part: CadPart, params: SimulateParams) -> tuple[Samples, int]:
         share = len(samples) / wanted
         samples = samples[np.sort(chosen)]
         samples.area[:] *= share
-    return samples, n_outliers
+    return part, samples, n_outliers
 
 
 def _refined(part: CadPart, spacing: float) -> CadPart:

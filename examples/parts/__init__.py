@@ -1,0 +1,9 @@
+"""The project's own CAD parts, written as code: ``from examples.parts import PARTS`` from the root of the checkout."""
+
+from .figures import FIGURES
+from .part import FROM_ABOVE, Part
+from .single import SINGLE
+
+PARTS: dict[str, Part] = {part.name: part for part in (*FIGURES, *SINGLE)}
+
+__all__ = ["FROM_ABOVE", "PARTS", "Part"]
