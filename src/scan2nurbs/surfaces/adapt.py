@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from scan2nurbs.errors import NoResultError
 from scan2nurbs.kernels.runner import Progress
 from scan2nurbs.surfaces.axis import Axis
 from scan2nurbs.surfaces.parametrize import Parameters
@@ -27,6 +28,8 @@ _TOLERANCE_OF_NOISE = 0.5
 _TOLERANCE_OF_SPACING = 0.02
 _WEIGHT_FLOOR = 0.02
 _SLACK = 0.05
+# 60 degrees: rougher than any noise makes the normals of nodes.
+_FOLDED_COSINE = 0.5
 
 
 @dataclass(frozen=True)
@@ -142,6 +145,33 @@ def settle(task: Task, state: State, points: NDArray[np.float64], uv: NDArray[np
     weighing = task.weigh(uv, normal, whole)
     noise, tolerance = task.resolve(weighing.noise)
     return replace(state, spline=spline, uv=uv, normal=normal, whole=whole, weights=weighing.weights, noise=noise, tolerance=tolerance)
+
+
+def folds(parameters: Parameters, spline: Spline) -> tuple[str, ...]:
+    """Compare the surface's normals with those that the points have by themselves; return a warning where some are turned over.
+
+    Raises
+    ------
+    NoResultError
+        If the surface is folded or crumpled over a tenth of the points.
+    """
+    nodes = parameters.nodes
+    uv = np.clip(parameters.node_uv, 0.0, parameters.size)
+    uv, _, whole = spline.foot_points(nodes.points, uv, 4 * _STEPS)
+    on = whole <= max(2.0 * nodes.spacing, 3.0 * float(np.median(whole)))
+    d = spline.derivatives(uv[on], 1)
+    normals = np.cross(d[:, 1], d[:, 2])
+    area = np.linalg.norm(normals, axis=1)
+    cosine = np.einsum("ni,ni->n", normals, nodes.normals[on]) / np.maximum(area, 1e-300)
+    cosine = cosine if cosine.sum() >= 0 else -cosine
+    bad = float(np.mean((cosine < _FOLDED_COSINE) | (area < 1e-3 * np.median(area))))
+    if bad > 0.1 or np.mean(on) < 0.8:
+        raise NoResultError(
+            f"The points are no single smooth sheet: the fitted surface is folded or misses them at {max(bad, 1 - float(np.mean(on))):.0%} of the places checked."
+        )
+    if bad > 0.01:
+        return (f"The surface leans away from the points' own normals at {bad:.1%} of the places checked: look for creases or folds.",)
+    return ()
 
 
 def _start(task: Task) -> State:

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from scan2nurbs.errors import InputError, NoResultError, ParameterError
 from scan2nurbs.kernels.bspline import MAX_DEGREE
 from scan2nurbs.kernels.runner import Progress, thread_count
-from scan2nurbs.surfaces.adapt import State, Task, adapt, settle
+from scan2nurbs.surfaces.adapt import State, Task, adapt, folds, settle
 from scan2nurbs.surfaces.bspline import BSplineSurface
 from scan2nurbs.surfaces.parametrize import parametrize
 
@@ -200,6 +200,7 @@ def fit_surface(points: ArrayLike, params: FitParams | None = None, *, progress:
     task = Task.make(local[sample], parameters, params, scale, len(local))
     state = adapt(task, progress)
     full = settle(task, state, local, _extend(local, sample, state))
+    notes = (*parameters.notes, *full.notes, *folds(parameters, full.spline))
     return SurfaceFit(
         surface=full.spline.finish(scale, origin),
         uv=np.clip(full.uv / np.array(parameters.size), 0.0, 1.0),
@@ -209,7 +210,7 @@ def fit_surface(points: ArrayLike, params: FitParams | None = None, *, progress:
         noise=full.noise * scale,
         iterations=full.rounds,
         parametrization=parameters.name,
-        notes=(*parameters.notes, *full.notes),
+        notes=notes,
     )
 
 

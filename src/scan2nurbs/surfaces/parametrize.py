@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,7 @@ from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 from scan2nurbs.errors import NoResultError
 from scan2nurbs.surfaces.nodes import Nodes, make_nodes
+from scan2nurbs.surfaces.tube import Around, around
 from scan2nurbs.surfaces.unroll import carry, jacobians, unroll
 
 logger = logging.getLogger(__name__)
@@ -50,6 +52,10 @@ class Parameters:
     node_uv: NDArray[np.float64]
     notes: tuple[str, ...] = ()
 
+    def fill(self, n_points: int) -> float:
+        """Return how much of the rectangle the surface covers, in (0, 1]."""
+        return min(1.0, n_points * self.nodes.spacing**2 / (self.size[0] * self.size[1]))
+
 
 def parametrize(points: NDArray[np.float64]) -> Parameters:
     """Find parameters for points (N, 3) that map the surface one to one.
@@ -67,13 +73,42 @@ def parametrize(points: NDArray[np.float64]) -> Parameters:
     direction = _height_direction(nodes, axes)
     if direction is not None:
         return _finish("plane", nodes, nodes.points @ direction[:2].T, points @ direction[:2].T)
+    found = [*_unrolled(nodes, points), *_tubes(nodes, points)]
+    if not found:
+        raise NoResultError("The points are not one sheet that can be unrolled, or one tube: every map tried folds over.")
+    # A map that leaves its rectangle half empty costs control points as one that stretches does.
+    return min(found, key=lambda one: one[0].stretch / one[1].fill(len(points)))[1]
+
+
+def _unrolled(nodes: Nodes, points: NDArray[np.float64]) -> Iterator[tuple[Quality, Parameters]]:
     uv = unroll(nodes)
     jacobian = jacobians(nodes, uv)
     quality = judge(nodes, uv, jacobian)
     logger.info("unrolled: %s", quality)
     if quality.valid:
-        return _finish("geodesic", nodes, uv, carry(nodes, uv, jacobian, points))
-    raise NoResultError("No map without folds was found: the points are not one sheet that can be unrolled, or one tube.")
+        yield quality, _finish("geodesic", nodes, uv, carry(nodes, uv, jacobian, points))
+
+
+def _tubes(nodes: Nodes, points: NDArray[np.float64]) -> Iterator[tuple[Quality, Parameters]]:
+    best: tuple[Quality, Around, NDArray[np.float64]] | None = None
+    for map_ in around(nodes):
+        jacobian = jacobians(nodes, map_.uv, map_.jump)
+        quality = judge(nodes, map_.uv, jacobian, map_.period)
+        logger.info("tube: %s", quality)
+        if quality.valid and (best is None or quality.stretch < best[0].stretch):
+            best = quality, map_, jacobian
+    if best is None:
+        return
+    quality, map_, jacobian = best
+    uv = carry(nodes, map_.uv, jacobian, points, map_.period)
+    low, high = map_.uv[:, 1].min() - 0.5 * nodes.spacing, map_.uv[:, 1].max() + 0.5 * nodes.spacing
+    margin = 2.0 * nodes.spacing + 0.02 * (high - low)
+    v = np.clip(uv[:, 1], low - margin, high + margin)
+    low, high = min(low, v.min()), max(high, v.max())
+    shift = np.array([0.0, low])
+    around_ = np.stack([np.mod(uv[:, 0], map_.period), v], axis=1) - shift
+    size = (map_.period, float(high - low))
+    yield quality, Parameters("tube", around_, size, True, nodes, map_.uv - shift)
 
 
 @dataclass(frozen=True)
@@ -100,12 +135,12 @@ class Quality:
         return self.flipped <= 2 * _OUTLIERS and self.overlapping <= 2 * _OUTLIERS
 
 
-def judge(nodes: Nodes, uv: NDArray[np.float64], jacobian: NDArray[np.float64]) -> Quality:
+def judge(nodes: Nodes, uv: NDArray[np.float64], jacobian: NDArray[np.float64], period: float = 0.0) -> Quality:
     """Judge a map by its jacobians and by who shares a place."""
     singular = np.linalg.svd(jacobian, compute_uv=False)
     squashed = (np.linalg.det(jacobian) <= 0) | (singular[:, 1] < 0.25)
     worst = np.maximum(singular[:, 0], 1.0 / np.maximum(singular[:, 1], 1e-12))
-    return Quality(float(np.mean(squashed)), overlap(nodes, uv), float(np.quantile(worst, 0.95)))
+    return Quality(float(np.mean(squashed)), overlap(nodes, uv, period), float(np.quantile(worst, 0.95)))
 
 
 def _height_direction(nodes: Nodes, axes: NDArray[np.float64]) -> NDArray[np.float64] | None:
@@ -129,10 +164,10 @@ def _height_direction(nodes: Nodes, axes: NDArray[np.float64]) -> NDArray[np.flo
     return None
 
 
-def overlap(nodes: Nodes, uv: NDArray[np.float64]) -> float:
+def overlap(nodes: Nodes, uv: NDArray[np.float64], period: float = 0.0) -> float:
     """Return the fraction of nodes that have a neighbour in the parameters which is far away in space."""
     k = min(5, len(uv))
-    distance, near = cKDTree(uv).query(uv, k=k)
+    distance, near = cKDTree(uv - [0.0, uv[:, 1].min()], boxsize=[period, 0.0]).query(uv - [0.0, uv[:, 1].min()], k=k)
     space = np.linalg.norm(nodes.points[near] - nodes.points[:, None], axis=2)
     return float(np.mean((space > 3.0 * distance + 2.0 * nodes.spacing).any(axis=1)))
 
