@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated, NoReturn
 
 import typer
 
 from scan2nurbs.errors import ParameterError
 
-Anything = Annotated[list[str] | None, typer.Argument(hidden=True)]
+# Whatever is asked of them, the answer is the same.
+CONTEXT = {"ignore_unknown_options": True, "allow_extra_args": True}
+Anything = Annotated[list[str] | None, typer.Argument(metavar="SCAN")]
 
 
-def segment(scan: Annotated[Path | None, typer.Argument(metavar="SCAN")] = None) -> NoReturn:
+def segment(scan: Anything = None) -> NoReturn:
     """Split a scan into faces (not in this version)."""
     raise ParameterError("'segment' is not in this version; 'scan2nurbs surface' rebuilds one functional surface.")
 
 
-def convert(scan: Annotated[Path | None, typer.Argument(metavar="SCAN")] = None) -> NoReturn:
+def convert(scan: Anything = None) -> NoReturn:
     """Rebuild a whole part (not in this version)."""
     raise ParameterError("'convert' is not in this version; 'scan2nurbs surface' rebuilds one functional surface.")

@@ -40,11 +40,11 @@ class LazyCommands(TyperGroup):
 
 def load(name: str) -> Any:
     """Import a command and build its parser."""
-    module, _ = COMMANDS[name]
+    module = import_module(f"scan2nurbs.cli.{COMMANDS[name][0]}")
+    command = getattr(module, name)
+    paragraphs = [" ".join(paragraph.split()) for paragraph in (getdoc(command) or "").split("\n\n")]
     single = typer.Typer(add_completion=False, rich_markup_mode="rich", pretty_exceptions_enable=False)
-    command = getattr(import_module(f"scan2nurbs.cli.{module}"), name)
-    paragraphs = (getdoc(command) or "").split("\n\n")
-    single.command(name=name, help="\n\n".join(" ".join(paragraph.split()) for paragraph in paragraphs))(command)
+    single.command(name=name, help="\n\n".join(paragraphs), context_settings=getattr(module, "CONTEXT", None))(command)
     return typer.main.get_command(single)
 
 

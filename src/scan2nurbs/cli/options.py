@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 import typer
 
 from scan2nurbs.cli.common import Common, common_parameters
+from scan2nurbs.errors import ParameterError
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -101,7 +102,8 @@ def option_for(stage: Stage, field: dataclasses.Field[Any]) -> inspect.Parameter
     text = text.rstrip(".")
     default = field.default if field.default is not dataclasses.MISSING else None
     if default is not None and kind is not bool:
-        text = f"{text} (default: {default})"
+        shown = ",".join(f"{part:g}" for part in default) if isinstance(default, tuple) else default
+        text = f"{text} (default: {shown})"
     # The help is read as rich markup, in which "[" opens a tag.
     flag = "--" + stage.options.get(field.name, field.name).replace("_", "-")
     decls = [f"{flag}/--no-{flag[2:]}"] if kind is bool else [flag]
@@ -111,6 +113,14 @@ def option_for(stage: Stage, field: dataclasses.Field[Any]) -> inspect.Parameter
     return inspect.Parameter(
         stage.key(field.name), inspect.Parameter.KEYWORD_ONLY, default=None, annotation=Annotated[simple | None, option]
     )
+
+
+def numbers(text: str) -> tuple[float, ...]:
+    """Read numbers separated by commas, such as "1, 0, 2.5"."""
+    try:
+        return tuple(float(part) for part in text.split(","))
+    except ValueError:
+        raise ParameterError(f"Numbers separated by commas are expected, such as '1,0,2.5'. Got {text!r} instead.") from None
 
 
 def bare_type(hint: Any) -> Any:

@@ -6,6 +6,7 @@ import base64
 import datetime
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
+from pathlib import PurePath
 from typing import Any
 
 import jinja2
@@ -44,6 +45,7 @@ def render_html(record: Mapping[str, Any], pictures: Sequence[Picture] = (), hea
     return _template().render(
         command=([*str(content.get("schema", "")).split("/"), "report"])[1],
         record=content,
+        name=PurePath((content.get("input") or {}).get("path", "scan2nurbs")).name,
         tables=tables,
         lists=lists,
         parameters={name: list(rows(value)) for name, value in (content.get("parameters") or {}).items()},
@@ -67,17 +69,17 @@ def rows(value: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]
 
 def shown(value: Any) -> str:
     """Write a value as a reader expects it: four digits, thousands set apart, a dash for nothing."""
-    if value is None or value == "":
+    if value is None or value in ("", [], {}):
         return "–"
     if isinstance(value, bool):
         return "yes" if value else "no"
-    if isinstance(value, int):
-        return f"{value:,}".replace(",", "\u202f")
-    if isinstance(value, float):
-        return f"{value:.4g}"
+    if isinstance(value, int | float):
+        return f"{value:.4g}" if isinstance(value, float) else f"{value:,}".replace(",", "\u202f")
     if isinstance(value, list):
         more = f", … ({len(value)})" if len(value) > _LONGEST_LIST else ""
-        return ", ".join(shown(item) for item in value[:_LONGEST_LIST]) + more or "–"
+        return ", ".join(shown(item) for item in value[:_LONGEST_LIST]) + more
+    if isinstance(value, dict):
+        return ", ".join(f"{name.replace('_', ' ')} {shown(item)}" for name, item in value.items())
     return str(value)
 
 
