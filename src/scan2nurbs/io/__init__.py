@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from scan2nurbs.io.atomic import atomic_path
 from scan2nurbs.io.e57 import read_e57
@@ -95,7 +94,8 @@ def read_scan(path: str | os.PathLike[str]) -> Scan:
     MissingExtraError
         If the format needs an optional dependency that is not installed.
     """
-    with open_source(Path(path)) as source:
+    # Damaged numbers may be signalling NaNs or beyond float64; they become rows that are no point, not warnings.
+    with open_source(Path(path)) as source, np.errstate(all="ignore"):
         chosen = _choose(source)
         scan = chosen.read(source)
         if not len(scan.points):
@@ -132,7 +132,7 @@ def _finish(source: Source, chosen: Format, scan: Scan) -> Scan:
         notes.insert(0, f"The suffix {source.suffix} says {said}, but the content is {scan.format}; the content was believed.")
     if source.packed:
         notes.append("The file was unpacked by gzip.")
-    finite: NDArray[np.bool_] = np.isfinite(scan.points).all(axis=1)
+    finite = np.asarray(np.isfinite(scan.points).all(axis=1))
     points = scan.points
     if not finite.all():
         points = np.where(finite[:, None], points, np.nan)

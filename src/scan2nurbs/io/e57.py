@@ -75,12 +75,12 @@ def _read_scans(source: Source, libe57: Any, image: Any) -> Scan:
     root = image.root()
     if not root.isDefined("data3D"):
         raise source.fault("The E57 file holds no scans.")
-    scans = libe57.VectorNode(root["data3D"])
+    scans = root["data3D"]
     parts: list[NDArray[np.float64]] = []
     notes: list[str] = []
     for index in range(scans.childCount()):
-        node = libe57.StructureNode(scans[index])
-        points = libe57.CompressedVectorNode(node["points"])
+        node = scans[index]
+        points = node["points"]
         if points.childCount() > 8 * len(source.data):
             raise source.fault(f"Scan {index + 1} declares {points.childCount():,} points, more than the file can hold.")
         values, invalid = _read_points(source, libe57, image, points, index)

@@ -98,9 +98,10 @@ def _unpack_laz(source: Source, header: _Header) -> NDArray[np.int32]:
     _check_laz(source, header)
     parts: list[NDArray[np.int32]] = []
     try:
-        with laspy.LasReader(io.BytesIO(source.data[:]), read_evlrs=False) as reader:
+        # Not the parallel unpacker: it allocates what the damaged table of chunks says.
+        with laspy.LasReader(io.BytesIO(source.data[:]), laz_backend=laspy.LazBackend.Lazrs, read_evlrs=False) as reader:
             for points in reader.chunk_iterator(min(_CHUNK, header.count)):
-                parts.append(np.stack([points.array[axis] for axis in "XYZ"], axis=1))
+                parts.append(np.stack([np.asarray(points[axis]) for axis in "XYZ"], axis=1))
     except BaseException as error:
         # A panic in the unpacker, which is written in Rust, is no Exception; whatever it meets here are damaged bytes.
         if not isinstance(error, Exception) and type(error).__name__ != "PanicException":
@@ -174,7 +175,7 @@ def _units_of_wkt(text: str) -> set[str]:
     """Return the units of length in a coordinate system written as well-known text, by their size in metres."""
     if re.match(r"\s*(GEOGCS|GEOGCRS)\b", text):
         return {"degree"}
-    sizes = {float(size) for size in re.findall(r"UNIT\s*\[\s*\"[^\"]*\"\s*,\s*(\d+\.?\d*)", text)}
+    sizes = {float(size) for size in re.findall(r"\b(?:LENGTH)?UNIT\s*\[\s*\"[^\"]*\"\s*,\s*(\d+\.?\d*)", text)}
     # Angles are below 0.02 in radians; no unit of length that surveyors use is.
     names = {1.0: "m", 0.3048: "ft"}
     return {names.get(size, "us-ft" if abs(size - 1200 / 3937) < 1e-7 else f"{size:g} m") for size in sizes if size > 0.02}
