@@ -6,6 +6,7 @@ gap narrower than twice the clearance of the seeds separates them as a wall woul
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +25,9 @@ NEIGHBOURS = 8
 # The mean of half a disc lies 4/(3π) = 0.42 of its radius off its centre: beyond 0.28 a third of the ball or more is empty.
 BORDER_RADIUS = 3.0
 BORDER_OFFSET = 0.28
+# The band of edge points is about two spacings wide on either side of an edge; normals of one surface differ little in it.
+RIM_RINGS = 4
+RIM_COSINE = math.cos(math.radians(12.0))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +46,7 @@ class RegionParams:
     """
 
     seed: tuple[float, float, float] | None = None
-    clearance: float = 2.5
+    clearance: float = 3.0
     min_points: int = 30
 
     def __post_init__(self) -> None:
@@ -88,6 +92,8 @@ class Region:
     ----------
     inside : (N,) bool
         Points of the chosen surface, without those on its edges.
+    rim : (N,) bool
+        Points marked as on an edge that continue the chosen surface up to it: their one-sided normals agree.
     label : (N,) int32
         Surface of every point, largest area first; −1 where none.
     border : (N,) bool
@@ -99,6 +105,7 @@ class Region:
     """
 
     inside: NDArray[np.bool_]
+    rim: NDArray[np.bool_]
     label: NDArray[np.int32]
     border: NDArray[np.bool_]
     chosen: int
@@ -137,22 +144,26 @@ def group_points(points: NDArray[np.float64], scale: Scale, edges: Edges, on_edg
     neighbours, distance = nearest_neighbours(scale.cells, min(NEIGHBOURS, len(points) - 1))
     smooth = _smooth_links(sorted_points, edges.normal[order], neighbours, distance, scale)
     to_edge = _distance_to_edges(sorted_points, edge, 8.0 * max(params.clearance, 1.0) * scale.h)
-    labels = components(neighbours, to_edge >= params.clearance * scale.h, smooth)
-    labels = _drop_small(labels, params.min_points)
-    if labels.max(initial=-1) < 0:
+    grown = np.full(len(edge), -1, np.int32)
+    for clearance in (params.clearance, 0.5 * params.clearance):  # then the surfaces too narrow for the first
+        seeds = components(neighbours, (grown < 0) & (to_edge >= clearance * scale.h), smooth)
+        seeds = _drop_small(seeds, params.min_points)
+        labels = np.where(seeds >= 0, seeds + 1 + grown.max(initial=-1), grown).astype(np.int32)
+        grown = _grow(labels, neighbours, smooth, ~edge)
+    if grown.max(initial=-1) < 0:
         raise NoResultError(
             f"No functional surface of at least {params.min_points} points lies between the edges: "
             f"{int(np.count_nonzero(edge))} of {len(edge)} points are on an edge. A larger threshold or radius marks fewer."
         )
-    grown = _grow(labels, neighbours, smooth, ~edge)
     labels = _merge_necks(_grow(grown, neighbours, smooth, np.ones(len(edge), bool)), grown, neighbours, smooth, edge)
     border = _at_border(scale)
     area = scale.local_h[order] ** 2
     labels, candidates = _ranked(labels, sorted_points, area, to_edge, edge, border, neighbours)
     chosen = _choose(candidates, labels, sorted_points, params.seed)
-    label_of, border_of = np.empty(len(order), np.int32), np.empty(len(order), bool)
-    label_of[order], border_of[order] = labels, border
-    return Region(inside=label_of == chosen, label=label_of, border=border_of, chosen=chosen, candidates=candidates)
+    rim = _continue(labels == chosen, edge, neighbours, smooth, edges.normal[order])
+    label_of, rim_of, border_of = np.empty(len(order), np.int32), np.empty(len(order), bool), np.empty(len(order), bool)
+    label_of[order], rim_of[order], border_of[order] = labels, rim, border
+    return Region(inside=label_of == chosen, rim=rim_of, label=label_of, border=border_of, chosen=chosen, candidates=candidates)
 
 
 def _smooth_links(
@@ -210,9 +221,9 @@ def _merge_necks(
     clear, walled = np.zeros(n * n), np.zeros(n * n)
     for k in range(neighbours.shape[1]):
         a, b = everywhere, everywhere[neighbours[:, k]]
-        meet = smooth[:, k] & (a >= 0) & (b >= 0) & (a != b)
+        meet = (neighbours[:, k] >= 0) & (a >= 0) & (b >= 0) & (a != b)
         pair = np.minimum(a, b)[meet].astype(np.int64) * n + np.maximum(a, b)[meet]
-        wall = (edge | edge[neighbours[:, k]])[meet]
+        wall = (edge | edge[neighbours[:, k]] | ~smooth[:, k])[meet]
         clear += np.bincount(pair[~wall], minlength=n * n)
         walled += np.bincount(pair[wall], minlength=n * n)
     parent = np.arange(n)
@@ -227,6 +238,26 @@ def _root_of(parent: NDArray[np.int64], i: int) -> int:
     while parent[i] != i:
         i = int(parent[i])
     return i
+
+
+def _continue(
+    inside: NDArray[np.bool_],
+    edge: NDArray[np.bool_],
+    neighbours: NDArray[np.int32],
+    smooth: NDArray[np.bool_],
+    normal: NDArray[np.float64],
+) -> NDArray[np.bool_]:
+    """Follow a surface ring by ring into the band of edge points, as far as their normals agree with it."""
+    taken, waiting = inside.copy(), np.flatnonzero(edge)
+    for _ in range(RIM_RINGS):
+        near = neighbours[waiting]
+        parallel = np.abs(np.einsum("nkj,nj->nk", normal[near], normal[waiting])) > RIM_COSINE
+        joins = (parallel & smooth[waiting] & taken[near]).sum(axis=1) >= 2
+        if not joins.any():
+            break
+        taken[waiting[joins]] = True
+        waiting = waiting[~joins]
+    return taken & ~inside
 
 
 def _at_border(scale: Scale) -> NDArray[np.bool_]:
