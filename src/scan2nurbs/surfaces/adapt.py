@@ -22,10 +22,10 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 
 _STEPS = 4
-_POINTS_PER_COEFFICIENT = 4.0
+_POINTS_PER_COEFFICIENT = 8.0
 _NARROWEST_SPAN = 1.5
 _TOLERANCE_OF_NOISE = 0.5
-_TOLERANCE_OF_SPACING = 0.02
+_TOLERANCE_OF_SPACING = 0.03
 _WEIGHT_FLOOR = 0.02
 _SLACK = 0.05
 # 60 degrees: rougher than any noise makes the normals of nodes.

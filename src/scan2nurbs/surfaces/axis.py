@@ -81,39 +81,31 @@ class Axis:
         return Axis(self.degree, np.delete(self.breaks, k), self.closed)
 
     @cached_property
-    def fairness(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Integrals of products of derivatives of order 0, 1 and 2, as bands (n, 2 degree + 1).
+    def span_integrals(self) -> NDArray[np.float64]:
+        """Integrals over each span of products of its functions' derivatives of order 0, 1, 2: (m, 3, degree + 1, degree + 1).
 
-        They are taken over the domain in units of the mean span, so that a penalty made of them has no unit. Degree 1 has no second
-        derivative; second differences of its coefficients stand in.
+        Lengths are measured in mean spans, so that a penalty made of them has no unit. Degree 1 has no second derivative; first
+        differences of its coefficients, small, stand in.
         """
         p = self.degree
         x, weight = np.polynomial.legendre.leggauss(p + 1)
         h = np.diff(self.breaks)
-        u = (self.breaks[:-1, None] + 0.5 * h[:, None] * (1 + x)).ravel()
-        w = (0.5 * h[:, None] * weight).ravel()
-        spans, table = basis_table(self.knots, p, u, 2)
+        u = self.breaks[:-1, None] + 0.5 * h[:, None] * (1 + x)
         mean = self.length / self.n_spans
-        bands = []
-        for order in range(3):
-            values = table[:, order] * mean**order
-            band = np.zeros((self.n, 2 * p + 1))
-            for a in range(p + 1):
-                for b in range(p + 1):
-                    np.add.at(band, ((spans - p + a) % self.n, p + b - a), w / mean * values[:, a] * values[:, b])
-            bands.append(band)
+        table = basis_table(self.knots, p, u.ravel(), 2)[1].reshape(self.n_spans, p + 1, 3, p + 1) * mean ** np.arange(3.0)[:, None]
+        integrals = np.einsum("mg,mgoa,mgob->moab", 0.5 * h[:, None] * weight / mean, table, table)
         if p == 1:
-            bands[2] = self._difference_band()
-        return bands[0], bands[1], bands[2]
+            integrals[:, 2] = 0.1 * np.array([[1.0, -1.0], [-1.0, 1.0]])
+        return integrals
 
-    def _difference_band(self) -> NDArray[np.float64]:
-        n = self.n
-        band = np.zeros((n, 3))
-        # Only neighbours fit in the band of degree 1: a first difference, small, keeps empty places calm.
-        rows = np.arange(n if self.closed else n - 1)
-        for i, j, value in ((0, 0, 1.0), (1, 1, 1.0), (0, 1, -1.0), (1, 0, -1.0)):
-            np.add.at(band, ((rows + i) % n, 1 + j - i), value)
-        return band
+    @cached_property
+    def span_functions(self) -> NDArray[np.int64]:
+        """Numbers of the coefficients that act on each span, (m, degree + 1)."""
+        return (np.arange(self.n_spans)[:, None] + np.arange(self.degree + 1)) % self.n
+
+    def span_of(self, u: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Return the number of the span that holds each parameter."""
+        return np.clip(np.searchsorted(self.breaks, u, side="right") - 1, 0, self.n_spans - 1)
 
 
 def basis_table(knots: NDArray[np.float64], degree: int, u: NDArray[np.float64], order: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:

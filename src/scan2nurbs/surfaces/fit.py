@@ -32,7 +32,7 @@ class FitParams:
         Degree in both directions, or in u and v; 1 to 15, default 3. Few points may lower it.
     tolerance : float, optional
         Largest systematic deviation (local mean of the residuals) that may stay, in the points' unit, > 0. Knots are inserted only
-        where it asks. None: half the noise, at least 2 % of the spacing.
+        where it asks. None: half the noise, at least 3 % of the spacing.
     noise : float, optional
         Standard deviation of the points along the normal, in their unit, ≥ 0. None: estimated from the residuals.
     smoothness : float

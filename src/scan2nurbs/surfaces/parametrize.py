@@ -167,7 +167,7 @@ def _height_direction(nodes: Nodes, axes: NDArray[np.float64]) -> NDArray[np.flo
 def overlap(nodes: Nodes, uv: NDArray[np.float64], period: float = 0.0) -> float:
     """Return the fraction of nodes that have a neighbour in the parameters which is far away in space."""
     k = min(5, len(uv))
-    distance, near = cKDTree(uv - [0.0, uv[:, 1].min()], boxsize=[period, 0.0]).query(uv - [0.0, uv[:, 1].min()], k=k)
+    distance, near = cKDTree(uv, boxsize=[period * (1 + 1e-9), 0.0]).query(uv, k=k)
     space = np.linalg.norm(nodes.points[near] - nodes.points[:, None], axis=2)
     return float(np.mean((space > 3.0 * distance + 2.0 * nodes.spacing).any(axis=1)))
 

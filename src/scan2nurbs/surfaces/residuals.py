@@ -128,7 +128,7 @@ def _marks(
 
 def _cut(axis: Axis, x: NDArray[np.float64], parts: int) -> NDArray[np.int64]:
     """Return for each parameter the number of its part, every span cut in `parts`."""
-    k = np.clip(np.searchsorted(axis.breaks, x, side="right") - 1, 0, axis.n_spans - 1)
+    k = axis.span_of(x)
     part = ((x - axis.breaks[k]) / np.diff(axis.breaks)[k] * parts).astype(np.int64)
     return k * parts + np.clip(part, 0, parts - 1)
 

@@ -18,6 +18,7 @@ _PARTS = 16
 _SMALLEST_PART = 4096
 _FOOT_RANGE = 8192
 _DECADES = 5
+_CALM = 10.0
 
 
 @dataclass(frozen=True)
@@ -103,10 +104,13 @@ def fit_spline(
         If the points do not determine a surface.
     """
     matrix, right = normal_equations(u, v, uv, points, weights)
-    fair = weights.sum() / (u.n_spans * v.n_spans) * fairness(u, v)
+    mean = weights.sum() / (u.n_spans * v.n_spans)
+    fair = mean * fairness(u, v, np.ones((u.n_spans, v.n_spans)))
+    calm = mean * fairness(u, v, _emptiness(u, v, uv, weights))
 
     def solve(decade: int) -> NDArray[np.float64]:
-        return solve_banded(u, v, matrix + smoothness * 10.0**-decade * fair, right)
+        fade = 10.0**-decade
+        return solve_banded(u, v, matrix + smoothness * (fade * fair + _CALM * np.sqrt(fade) * calm), right)
 
     best, loose, firm = solve(_DECADES), 0, _DECADES
     closest = best
@@ -154,12 +158,27 @@ def normal_equations(
     return matrix, right
 
 
-def fairness(u: Axis, v: Axis) -> NDArray[np.float64]:
-    """Return the thin-plate energy ∫ S_uu² + 2 S_uv² + S_vv² as a banded tensor, parameters measured in mean spans."""
-    p = u.degree
-    (u0, u1, u2), (v0, v1, v2) = u.fairness, v.fairness
-    terms = ((u2, v0, 1.0), (u1, v1, 2.0), (u0, v2, 1.0))
-    return np.asarray(sum(c * np.einsum("ia,jb->ijab", a[:, p:], b) for a, b, c in terms))
+def fairness(u: Axis, v: Axis, cells: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the thin-plate energy ∫ c (S_uu² + 2 S_uv² + S_vv²) as a banded tensor; parameters in mean spans, a weight c a cell."""
+    p, q = u.degree, v.degree
+    out = np.zeros((u.n, v.n, p + 1, 2 * q + 1))
+    gu, gv = u.span_integrals, v.span_integrals
+    for a in range(p + 1):
+        for a2 in range(a, p + 1):
+            for b in range(q + 1):
+                for b2 in range(q + 1):
+                    local = gu[:, (2, 1, 0), a, a2] * (1.0, 2.0, 1.0) @ gv[:, :, b, b2].T
+                    np.add.at(out[:, :, a2 - a, q + b2 - b], np.ix_(u.span_functions[:, a], v.span_functions[:, b]), cells * local)
+    return out
+
+
+def _emptiness(u: Axis, v: Axis, uv: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return for each cell of the net how far it is from holding points, 0 where it holds a quarter of what is usual, 1 where none."""
+    cell = u.span_of(uv[:, 0]) * v.n_spans + v.span_of(uv[:, 1])
+    count = np.bincount(cell, weights, u.n_spans * v.n_spans).reshape(u.n_spans, v.n_spans)
+    density = count / (np.diff(u.breaks)[:, None] * np.diff(v.breaks))
+    usual = float(np.median(density[count > 0]))
+    return np.maximum(1.0 - 4.0 * density / usual, 0.0)
 
 
 def solve_banded(u: Axis, v: Axis, matrix: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -91,7 +91,8 @@ class _Poisson:
         whole = np.floor(turn)
         jump = np.zeros((len(self.i), 2))
         jump[:, 0] = period * (turns + whole[self.j] - whole[self.i])
-        return Around(np.stack([period * (turn - whole), along], axis=1), period, jump)
+        u = period * np.clip(turn - whole, 0.0, 1.0)
+        return Around(np.stack([u, along], axis=1), period, jump)
 
 
 def _axes(nodes: Nodes) -> Iterator[NDArray[np.float64]]:
