@@ -161,7 +161,7 @@ main()
         assert (tmp_path / "1.ply").read_bytes() == (tmp_path / "2.ply").read_bytes()
 
     def test_a_reader_that_goes_away_is_no_failure(self, scan):
-        with start("main()", "info", scan, "--unit", "mm") as process:
+        with start("main()", "info", scan, "--quiet") as process:
             assert process.stdout is not None
             assert process.stderr is not None
             process.stdout.close()

@@ -37,22 +37,23 @@ def render_html(record: Mapping[str, Any], pictures: Sequence[Picture] = (), hea
     str
         The HTML text; all names and texts in it are escaped.
     """
-    content = plain(record)
-    tables = {name: list(rows(value)) for name, value in content.items() if name not in PLACED and isinstance(value, dict)}
+    said = plain(record)
+    content = dict.fromkeys(PLACED) | {"input": {}} | said
+    tables = {name: list(rows(value)) for name, value in content.items() if name not in PLACED and isinstance(value, dict) and value}
     lists = {name: value for name, value in content.items() if name not in PLACED and _is_table(value)}
     # "<" in a text of the JSON must not end the script element that holds it.
-    raw = Markup(to_json(content).replace("<", "\\u003c"))
+    raw = Markup(to_json(said).replace("<", "\\u003c"))
     return _template().render(
-        command=([*str(content.get("schema", "")).split("/"), "report"])[1],
+        command=([*str(content["schema"]).split("/"), "report"])[1],
         record=content,
-        name=PurePath((content.get("input") or {}).get("path", "scan2nurbs")).name,
+        name=PurePath(content["input"].get("path", "scan2nurbs")).name,
         tables=tables,
         lists=lists,
-        parameters={name: list(rows(value)) for name, value in (content.get("parameters") or {}).items()},
+        parameters={name: list(rows(value)) for name, value in (content["parameters"] or {}).items()},
         pictures=[(picture, base64.b64encode(picture.png).decode("ascii")) for picture in pictures],
         headline=headline,
         raw=raw,
-        pretty=to_json(content),
+        pretty=to_json(said),
         made=datetime.datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z"),
     )
 

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Colormap, Normalize, to_rgb
+from matplotlib.colors import Normalize, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
@@ -176,9 +176,9 @@ def _coloured(
 ) -> Picture:
     keep = _thin_out(len(points))
     mapping = ScalarMappable(Normalize(*limits), scale)
-    cmap: Colormap = mapping.get_cmap()
-    cmap.set_bad(GREY)
-    colour = np.asarray(mapping.to_rgba(np.ma.masked_invalid(values[keep])))[:, :3]
+    known = np.isfinite(values[keep])
+    colour = np.asarray(mapping.to_rgba(np.where(known, values[keep], 0.0)))[:, :3]
+    colour[~known] = to_rgb(GREY)
     figure, axes, _ = _stage(points[keep], colour, view, unit)
     bar = figure.colorbar(mapping, ax=axes, shrink=0.75, aspect=28, pad=0.01, extend="max" if limits[0] == 0 else "both", label=label)
     if mark is not None:

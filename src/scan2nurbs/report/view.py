@@ -54,7 +54,7 @@ def choose_view(points: NDArray[np.float64]) -> View:
     axes = np.stack([np.cross(up, eye), up, eye])
     flat = inner @ axes[:2].T
     low, high = flat.min(axis=0), flat.max(axis=0)
-    margin = 0.04 * max(float((high - low).max()), np.finfo(float).tiny)
+    margin = 0.04 * float((high - low).max()) or 1.0
     return View(axes, low - margin, high + margin)
 
 
