@@ -68,14 +68,37 @@ def spacing_of(points: NDArray[np.float64], tree: cKDTree) -> float:
 
 
 def make_nodes(points: NDArray[np.float64]) -> Nodes:
-    """Thin points (N, 3) to about `NODES` nodes and connect them along the surface."""
+    """Thin points (N, 3) to about `NODES` nodes and connect them along the surface; what stands alone or off it makes no node."""
     tree = cKDTree(points)
     spacing = spacing_of(points, tree)
-    chosen = _thin(points, max(2.0 * spacing, spacing * np.sqrt(len(points) / NODES)))
-    k = min(_NEIGHBOURS, len(points))
-    centres, frames = _local_planes(points, points[chosen], np.atleast_2d(tree.query(points[chosen], k=k)[1]))
+    dense = points[_dense(points, tree)]
+    tree = cKDTree(dense)
+    chosen = _thin(dense, max(2.0 * spacing, spacing * np.sqrt(len(points) / NODES)))
+    k = min(_NEIGHBOURS, len(dense))
+    centres, frames, off = _local_planes(dense, dense[chosen], tree.query(dense[chosen], k=k)[1].reshape(-1, k))
+    on = off <= 1.5 * spacing
+    on = on if np.mean(on) > 0.5 else np.ones(len(on), bool)
+    centres, frames = centres[on], frames[on]
     edges = _connect(centres, frames[:, 2])
+    whole = _large_pieces(edges, len(centres))
+    centres, frames = centres[whole], frames[whole]
+    edges = _bridge(centres, (np.cumsum(whole) - 1)[edges[whole[edges].all(axis=1)]])
     return Nodes(centres, _orient(centres, frames, edges), edges, spacing)
+
+
+def _dense(points: NDArray[np.float64], tree: cKDTree) -> NDArray[np.bool_]:
+    """Tell which points are not much farther from their neighbours than those are from theirs."""
+    k = min(8, len(points) - 1)
+    distance, near = tree.query(points, k=k + 1)
+    reach = distance[:, k]
+    dense = reach <= 2.0 * np.median(reach[near[:, 1:]], axis=1)
+    return dense if np.mean(dense) > 0.5 else np.ones(len(points), bool)
+
+
+def _large_pieces(edges: NDArray[np.int64], n: int) -> NDArray[np.bool_]:
+    """Tell which nodes hang together with more than a hundredth of all."""
+    label = connected_components(symmetric(edges, np.ones(len(edges)), n), directed=False)[1]
+    return np.bincount(label)[label] > 0.01 * n
 
 
 def _thin(points: NDArray[np.float64], cell: float) -> NDArray[np.int64]:
@@ -99,30 +122,39 @@ def _thin(points: NDArray[np.float64], cell: float) -> NDArray[np.int64]:
 
 def _local_planes(
     points: NDArray[np.float64], queries: NDArray[np.float64], neighbours: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the queries dropped on their neighbours' planes, and the planes' right-handed frames."""
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return the queries dropped on robust planes of their neighbours, the planes' right-handed frames, and how far they dropped."""
     near = points[neighbours]
-    mean = near.mean(axis=1)
-    d = near - mean[:, None]
-    frames = np.linalg.eigh(np.einsum("nki,nkj->nij", d, d))[1].transpose(0, 2, 1)[:, ::-1].copy()
+    weight = np.ones(near.shape[:2])
+    frames, mean = np.empty((len(near), 3, 3)), near[:, 0]
+    for _ in range(3):
+        mean = np.einsum("nk,nki->ni", weight, near) / weight.sum(axis=1, keepdims=True)
+        d = near - mean[:, None]
+        frames = np.linalg.eigh(np.einsum("nk,nki,nkj->nij", weight, d, d))[1].transpose(0, 2, 1)[:, ::-1].copy()
+        height = np.abs(np.einsum("nki,ni->nk", d, frames[:, 2]))
+        size = 3.0 * np.median(height, axis=1, keepdims=True) + 1e-6 * np.abs(d).max(axis=(1, 2))[:, None]
+        weight = 1.0 / (1.0 + (height / size) ** 2) ** 2
     frames[:, 2] = np.cross(frames[:, 0], frames[:, 1])
     off = np.einsum("ni,ni->n", queries - mean, frames[:, 2])
-    return queries - off[:, None] * frames[:, 2], frames
+    return queries - off[:, None] * frames[:, 2], frames, np.abs(off)
 
 
 def _connect(points: NDArray[np.float64], normals: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Return the neighbour edges that run along the surface, with the shortest bridges between what would be separate pieces."""
+    """Return the edges between near neighbours that run along the surface."""
     n = len(points)
-    tree = cKDTree(points)
     k = min(_EDGES + 1, n)
-    near = np.atleast_2d(tree.query(points, k=k)[1])
+    near = cKDTree(points).query(points, k=k)[1].reshape(-1, k)
     edges = _unique(np.column_stack([np.repeat(np.arange(n), k), near.ravel()]))
     d = points[edges[:, 1]] - points[edges[:, 0]]
     length = np.linalg.norm(d, axis=1)
     steep = np.maximum(*(np.abs(np.einsum("ei,ei->e", d, normals[edges[:, s]])) for s in (0, 1)))
-    edges = edges[(length > 0) & (steep <= _STEEPEST * length)]
+    return edges[(length > 0) & (steep <= _STEEPEST * length)]
+
+
+def _bridge(points: NDArray[np.float64], edges: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Add the shortest edges between pieces until all nodes hang together."""
     while True:
-        count, label = connected_components(symmetric(edges, np.ones(len(edges)), n), directed=False)
+        count, label = connected_components(symmetric(edges, np.ones(len(edges)), len(points)), directed=False)
         if count == 1:
             return edges
         edges = _unique(np.concatenate([edges, *(_bridges(points, label, piece) for piece in range(count))]))

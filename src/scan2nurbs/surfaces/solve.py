@@ -110,7 +110,7 @@ def fit_spline(
 
     def solve(decade: int) -> NDArray[np.float64]:
         fade = 10.0**-decade
-        return solve_banded(u, v, matrix + smoothness * (fade * fair + _CALM * np.sqrt(fade) * calm), right)
+        return solve_banded(u, v, matrix + smoothness * (fade * fair + _CALM * fade**0.7 * calm), right)
 
     best, loose, firm = solve(_DECADES), 0, _DECADES
     closest = best
