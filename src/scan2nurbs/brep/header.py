@@ -9,6 +9,9 @@ from importlib.metadata import PackageNotFoundError, version
 
 AUTHOR = "scan2nurbs"
 
+UNIT_NAMES = {"mm": "MM", "cm": "CM", "m": "M", "um": "UM", "in": "INCH", "ft": "FT"}
+"""How the CAD kernel calls the units."""
+
 
 def system() -> str:
     """Return the originating system: the project's name and version."""

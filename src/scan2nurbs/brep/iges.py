@@ -9,10 +9,8 @@ import io
 from pathlib import Path
 from typing import Any
 
-from scan2nurbs.brep.header import AUTHOR, system, time_stamp
+from scan2nurbs.brep.header import AUTHOR, UNIT_NAMES, system, time_stamp
 from scan2nurbs.brep.occ import EXPORT_LOCK, KernelError, kernel_errors, silence
-
-UNIT_NAMES = {"mm": "MM", "cm": "CM", "m": "M", "um": "UM", "in": "IN", "ft": "FT"}
 
 
 def write_iges(path: Path, shape: Any, *, unit: str, name: str) -> None:
@@ -31,7 +29,7 @@ def write_iges(path: Path, shape: Any, *, unit: str, name: str) -> None:
         IGESControl_Controller.Init_s()
         Interface_Static.SetCVal_s("xstep.cascade.unit", "MM")
         Interface_Static.SetCVal_s("write.iges.header.product", system())
-        writer = IGESControl_Writer(UNIT_NAMES[unit], 0)
+        writer = IGESControl_Writer("IN" if unit == "in" else UNIT_NAMES[unit], 0)
         if not writer.AddShape(shape):
             raise KernelError("The CAD kernel could not translate the shape to IGES.")
         writer.ComputeModel()
@@ -67,7 +65,6 @@ def _as_text(model: Any) -> bytes:
     writer = IGESData_IGESWriter(model)
     writer.FloatWriter().SetFormat("%.15E", True)
     writer.FloatWriter().SetFormatForRange("%.13f", 0.1, 1000.0)
-    writer.FloatWriter().SetZeroSuppress(True)
     writer.SendModel(IGESSelect_WorkLibrary.DefineProtocol_s())
     stream = io.BytesIO()
     if not writer.Print(stream):

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from scan2nurbs.brep.header import UNIT_NAMES
 from scan2nurbs.brep.occ import EXPORT_LOCK, from_surface, kernel_errors, silence
 from scan2nurbs.errors import InputError
 from scan2nurbs.surfaces.bspline import BSplineSurface
@@ -43,7 +44,7 @@ class ReadModel:
     Attributes
     ----------
     shape : TopoDS_Shape
-        In millimetres; a BREP file's own numbers.
+        In the unit asked for; a BREP file's own numbers.
     faces : tuple of ReadFace
         In the order of the file.
     """
@@ -52,13 +53,15 @@ class ReadModel:
     faces: tuple[ReadFace, ...]
 
 
-def read_back(path: str | os.PathLike[str], *, per_edge: int = 32) -> ReadModel:
+def read_back(path: str | os.PathLike[str], *, unit: str = "mm", per_edge: int = 32) -> ReadModel:
     """Read a model of B-spline faces.
 
     Parameters
     ----------
     path : path
         A .step, .stp, .iges, .igs or .brep file.
+    unit : str
+        What lengths shall be in, a key of `scan2nurbs.cloud.UNITS`; a BREP file has no unit and keeps its numbers.
     per_edge : int
         Points taken of every edge.
 
@@ -67,12 +70,12 @@ def read_back(path: str | os.PathLike[str], *, per_edge: int = 32) -> ReadModel:
     InputError
         If the file is none of these, cannot be read, holds nothing, or a surface of it cannot be written as a B-spline.
     """
-    shape = read_shape(Path(path))
+    shape = read_shape(Path(path), unit=unit)
     return ReadModel(shape, tuple(_face(face, per_edge) for face in faces_of(shape)))
 
 
-def read_shape(path: Path) -> Any:
-    """Return the file's ``TopoDS_Shape``, in millimetres where the format has a unit."""
+def read_shape(path: Path, *, unit: str = "mm") -> Any:
+    """Return the file's ``TopoDS_Shape``, its lengths in `unit` where the format has one."""
     silence()
     suffix = path.suffix.lower()
     if suffix not in (".step", ".stp", ".iges", ".igs", ".brep"):
@@ -80,7 +83,7 @@ def read_shape(path: Path) -> Any:
     if not path.is_file():
         raise InputError("There is no such file.", path=path)
     with EXPORT_LOCK, kernel_errors(f"read {path.name}"):
-        shape = _read_brep(path) if suffix == ".brep" else _read_exchange(path, suffix)
+        shape = _read_brep(path) if suffix == ".brep" else _read_exchange(path, suffix, unit)
     if shape is None or shape.IsNull():
         raise InputError("The file holds no shape.", path=path)
     return shape
@@ -110,14 +113,14 @@ def _read_brep(path: Path) -> Any:
     return shape
 
 
-def _read_exchange(path: Path, suffix: str) -> Any:
+def _read_exchange(path: Path, suffix: str, unit: str) -> Any:
     from OCP.IFSelect import IFSelect_ReturnStatus
     from OCP.IGESControl import IGESControl_Reader
     from OCP.Interface import Interface_Static
     from OCP.STEPControl import STEPControl_Reader
 
     reader = STEPControl_Reader() if suffix in (".step", ".stp") else IGESControl_Reader()
-    Interface_Static.SetCVal_s("xstep.cascade.unit", "MM")
+    Interface_Static.SetCVal_s("xstep.cascade.unit", UNIT_NAMES[unit])
     if reader.ReadFile(str(path)) != IFSelect_ReturnStatus.IFSelect_RetDone:
         raise InputError("The file could not be read.", path=path)
     reader.TransferRoots()

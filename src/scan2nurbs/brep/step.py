@@ -6,19 +6,20 @@
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from scan2nurbs.brep.header import AUTHOR, system, time_stamp
+from scan2nurbs.brep.header import AUTHOR, UNIT_NAMES, system, time_stamp
 from scan2nurbs.brep.occ import EXPORT_LOCK, KernelError, kernel_errors, silence
 
 SCHEMAS = {"AP242": "AP242DIS", "AP214": "AP214IS"}
-UNIT_NAMES = {"mm": "MM", "cm": "CM", "m": "M", "um": "UM", "in": "INCH", "ft": "FT"}
+_ZEROS = re.compile(rb"(\.[0-9]*?)0+(?=[E,)\s;])")
 
 
-def write_step(path: Path, shape: Any, faces: Sequence[tuple[str, Any]], *, unit: str, name: str, schema: str) -> None:
-    """Write a shape in millimetres as a STEP file in `unit`.
+def write_step(path: Path, shape: Any, faces: Sequence[tuple[str, Any]], *, unit: str, kernel_unit: str, name: str, schema: str) -> None:
+    """Write a shape whose numbers are in `kernel_unit` as a STEP file in `unit`.
 
     Parameters
     ----------
@@ -28,8 +29,8 @@ def write_step(path: Path, shape: Any, faces: Sequence[tuple[str, Any]], *, unit
         A face or a compound of faces.
     faces : sequence of (name, TopoDS_Face)
         The faces of the shape and how they are called in the file.
-    unit, name, schema : str
-        A key of `UNIT_NAMES`; the product's name, in ASCII; a key of `SCHEMAS`.
+    unit, kernel_unit, name, schema : str
+        Two keys of `UNIT_NAMES`; the product's name, in ASCII; a key of `SCHEMAS`.
 
     Raises
     ------
@@ -44,7 +45,7 @@ def write_step(path: Path, shape: Any, faces: Sequence[tuple[str, Any]], *, unit
     silence()
     with EXPORT_LOCK, kernel_errors("write STEP"):
         writer = STEPControl_Writer()  # the settings below exist only once a writer does
-        Interface_Static.SetCVal_s("xstep.cascade.unit", "MM")
+        Interface_Static.SetCVal_s("xstep.cascade.unit", UNIT_NAMES[kernel_unit])
         Interface_Static.SetCVal_s("write.step.unit", UNIT_NAMES[unit])
         Interface_Static.SetCVal_s("write.step.schema", SCHEMAS[schema])
         Interface_Static.SetIVal_s("write.step.assembly", 0)
@@ -97,12 +98,18 @@ def _as_text(model: Any, protocol: Any) -> bytes:
     writer = StepData_StepWriter(model)
     writer.FloatWriter().SetFormat("%.15E", True)
     writer.FloatWriter().SetFormatForRange("%.13f", 0.1, 1000.0)
-    writer.FloatWriter().SetZeroSuppress(True)
     writer.SendModel(protocol, False)
     stream = io.BytesIO()
     if not writer.Print(stream):
         raise KernelError("The CAD kernel could not print the STEP file.")
-    return stream.getvalue()
+    return _without_trailing_zeros(stream.getvalue())
+
+
+def _without_trailing_zeros(text: bytes) -> bytes:
+    """Shorten the numbers of a STEP file, outside its strings. The kernel's own way of doing so drops digits, too."""
+    parts = text.split(b"'")
+    parts[::2] = [_ZEROS.sub(rb"\1", part) for part in parts[::2]]
+    return b"'".join(parts)
 
 
 def _expect_done(status: Any, what: str) -> None:
