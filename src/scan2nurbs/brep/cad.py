@@ -34,12 +34,15 @@ class CadFace:
         "Plane", "Cylinder", "Cone", "Sphere", "Torus", "BSplineSurface", … as the CAD kernel names it.
     sign : float
         +1 where the outward normal is S_u × S_v, −1 where the face is reversed.
+    stretch : float
+        Median of |S_u × S_v| over its triangles: against it a pole of the surface shows.
     evaluate : callable
         Points and derivatives of its surface at many parameters.
     """
 
     type: str
     sign: float
+    stretch: float
     evaluate: Evaluator = field(repr=False, compare=False)
 
 
@@ -57,6 +60,8 @@ class CadPart:
         The triangles, wound so that they are counter-clockwise seen from outside.
     uv : (T, 3, 2) float64
         Surface parameters of each corner.
+    normals : (T, 3, 3) float64
+        The outward unit normals of the true surfaces at each corner.
     face : (T,) int32
         The face of each triangle.
     deflection : float
@@ -73,6 +78,7 @@ class CadPart:
     faces: tuple[CadFace, ...]
     corners: Floats = field(repr=False)
     uv: Floats = field(repr=False)
+    normals: Floats = field(repr=False)
     face: NDArray[np.int32] = field(repr=False)
     deflection: float
     unit: str = "mm"
@@ -125,8 +131,7 @@ class CadPart:
         for index, face in enumerate(self.faces):
             rows = order[borders[index] : borders[index + 1]]
             if len(rows):
-                middle = self.uv[triangle[rows]].mean(axis=1)
-                points[rows], normals[rows] = _on_surface(face, uv[rows], middle)
+                points[rows], normals[rows] = _on_surface(face, uv[rows], self.uv[triangle[rows]].mean(axis=1))
         return points, normals
 
     def nearest_face(self, point: Any) -> int:
@@ -147,8 +152,7 @@ def _on_surface(face: CadFace, uv: Floats, inside: Floats) -> tuple[Floats, Floa
     points, along_u, along_v = face.evaluate(uv[:, 0], uv[:, 1])
     normals = np.cross(along_u, along_v)
     length = np.linalg.norm(normals, axis=1)
-    scale = np.linalg.norm(along_u, axis=1).max(initial=0) * np.linalg.norm(along_v, axis=1).max(initial=0)
-    pole = np.flatnonzero(length <= 1e-9 * scale)
+    pole = np.flatnonzero(length <= 1e-9 * face.stretch)
     if len(pole):
         nearby = uv[pole] + 1e-4 * (inside[pole] - uv[pole])
         _, along_u, along_v = face.evaluate(nearby[:, 0], nearby[:, 1])
@@ -203,16 +207,26 @@ def tessellate(shape: Any, *, deflection: float | None = None, source: str = "sh
     for index, topo in enumerate(topo_faces):
         adaptor = BRepAdaptor_Surface(topo)
         sign = -1.0 if topo.Orientation() == TopAbs_REVERSED else 1.0
-        faces.append(CadFace(adaptor.GetType().name.removeprefix("GeomAbs_"), sign, evaluator(adaptor)))
         corners, uv = _triangles_of(topo, reverse=sign < 0)
-        pieces.append((corners, uv, np.full(len(corners), index, np.int32)))
-    corners, uv, owner = (np.concatenate(part) for part in zip(*pieces, strict=True))
-    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    area = np.linalg.norm(cross, axis=1)
+        evaluate = evaluator(adaptor)
+        face = CadFace(adaptor.GetType().name.removeprefix("GeomAbs_"), sign, _stretch(evaluate, uv), evaluate)
+        _, normals = _on_surface(face, uv.reshape(-1, 2), np.repeat(uv.mean(axis=1), 3, axis=0))
+        faces.append(face)
+        pieces.append((corners, uv, normals.reshape(-1, 3, 3), np.full(len(corners), index, np.int32)))
+    corners, uv, normals, owner = (np.concatenate(part) for part in zip(*pieces, strict=True))
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     kept = area > 1e-14 * area.sum()
     if not kept.any():
         raise InputError("None of its faces could be tessellated.", path=path)
-    return CadPart(shape, tuple(faces), corners[kept], uv[kept], owner[kept], deflection, source=source, notes=notes)
+    return CadPart(shape, tuple(faces), corners[kept], uv[kept], normals[kept], owner[kept], deflection, source=source, notes=notes)
+
+
+def _stretch(evaluate: Evaluator, uv: Floats) -> float:
+    if len(uv) == 0:
+        return 0.0
+    u, v = uv.mean(axis=1).T
+    _, along_u, along_v = evaluate(np.ascontiguousarray(u), np.ascontiguousarray(v))
+    return float(np.median(np.linalg.norm(np.cross(along_u, along_v), axis=1)))
 
 
 def _kind_of(path: Path) -> str:
@@ -266,10 +280,10 @@ def _read_brep(path: Path) -> Any:
 def _damage(path: Path, kind: str) -> Iterator[None]:
     """Turn what the kernel raises on a damaged file into an error about that file."""
     try:
-        with kernel_errors(f"read the {kind} file"):
+        with kernel_errors("read it"):
             yield
     except KernelError as error:
-        raise InputError(str(error), path=path) from error
+        raise InputError(f"The {kind} file is damaged: {error}", path=path) from error
 
 
 def _faces_of(shape: Any) -> list[Any]:

@@ -2,5 +2,6 @@
 
 from scan2nurbs.simulate.params import SimulateParams
 from scan2nurbs.simulate.scan import SimulatedScan, simulate_scan
+from scan2nurbs.simulate.write import write_scan
 
-__all__ = ["SimulateParams", "SimulatedScan", "simulate_scan"]
+__all__ = ["SimulateParams", "SimulatedScan", "simulate_scan", "write_scan"]

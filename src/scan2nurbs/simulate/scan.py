@@ -93,8 +93,8 @@ def simulate_scan(part: CadPart | str | os.PathLike[str] | Any, params: Simulate
 
     Notes
     -----
-    The same part, parameters and seed give the same scan, to the bit, on any number of threads. Some 1.7 million points from 12 views
-    take about half a minute, most of it for rays that several passes spend on hitting the number of points.
+    The same part, parameters and seed give the same scan, to the bit, on any number of threads. Two or three passes over the rays hit
+    the number of points. 1.7 million points from 9 views take some five seconds on two cores, and 1 GB.
     """
     params = params or SimulateParams()
     if not isinstance(part, CadPart):

@@ -47,21 +47,14 @@ def scan_views(part: CadPart, pitch: float, params: SimulateParams) -> Samples:
     With parallel rays a surface at the incidence θ is sampled at 1 / cos θ of the density it has when seen squarely.
     """
     directions = view_directions(params)
-    corners, normals = _centred(part)
+    box = part.corners.reshape(-1, 3)
+    corners = part.corners - 0.5 * (box.min(axis=0) + box.max(axis=0))
     eyes = len(directions)
     projectors = [tilted(d, params.parallax) for d in directions] if params.parallax > 0 else []
     frames = np.stack([view_frame(d) for d in (*directions, *projectors)])
     maps = _render(corners, frames, eyes, pitch, params)
     rng = np.random.default_rng([params.seed, 1])
-    return Samples.join([_measure(corners, normals, maps, view, eyes, params, rng) for view in range(eyes)])
-
-
-def _centred(part: CadPart) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the triangles about the middle of their box, and their unit normals."""
-    box = part.corners.reshape(-1, 3)
-    corners = part.corners - 0.5 * (box.min(axis=0) + box.max(axis=0))
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    return corners, normals / np.linalg.norm(normals, axis=1, keepdims=True)
+    return Samples.join([_measure(corners, part.normals, maps, view, eyes, params, rng) for view in range(eyes)])
 
 
 def _render(corners: NDArray[np.float64], frames: NDArray[np.float64], eyes: int, pitch: float, params: SimulateParams) -> _Maps:
@@ -115,13 +108,7 @@ def _measure(
     hit = maps.hit[view].ravel()
     pixel = np.flatnonzero(hit >= 0)
     triangle = hit[pixel].astype(np.int64)
-    cosine = normals[triangle] @ maps.frames[view, 2]
-    # An open shell shows its inside too: the scanner measures whichever side it sees.
-    side = normals[triangle] * np.where(cosine < 0, -1.0, 1.0)[:, None]
-    cosine = np.abs(cosine)
-    kept = _by_incidence(cosine, params, rng)
-    pixel, triangle, side, cosine = pixel[kept], triangle[kept], side[kept], cosine[kept]
-    weight, measured = np.empty((len(pixel), 3)), np.empty(len(pixel), np.bool_)
+    weight = np.empty((len(pixel), 3))
     flat = _in_pixels(corners, maps.frames[view], maps.low[view], maps.pitch)
     columns, seed = int(maps.shape[view, 1]), _ray_seed(params, view)
 
@@ -129,7 +116,15 @@ def _measure(
         weights_range(flat, seed, params.jitter, columns, pixel, triangle, start, stop, weight)
 
     run_ranges(weigh, len(pixel), size=_RANGE)
-    points = np.einsum("nkc,nk->nc", corners[triangle], weight)
+    side = np.einsum("nkc,nk->nc", normals[triangle], weight)
+    side /= np.linalg.norm(side, axis=1, keepdims=True)
+    cosine = side @ maps.frames[view, 2]
+    # An open shell shows its inside too: the scanner measures whichever side it sees.
+    side[cosine < 0] *= -1.0
+    cosine = np.maximum(np.abs(cosine), 1e-6)
+    kept = _by_incidence(cosine, params, rng)
+    triangle, weight, side, cosine = triangle[kept], weight[kept], side[kept], cosine[kept]
+    points, measured = np.einsum("nkc,nk->nc", corners[triangle], weight), np.empty(len(triangle), np.bool_)
     limit = math.cos(math.radians(params.grazing_limit))
     fields = (maps.frames, maps.low, maps.shape, maps.offset, maps.depth, maps.pitch)
 
@@ -137,7 +132,7 @@ def _measure(
         thin, projectors = params.overlap == "thin", len(maps.frames) > eyes
         measured_range(points, side, view, limit, eyes, projectors, thin, *fields, start, stop, measured)
 
-    run_ranges(decide, len(pixel), size=_RANGE)
+    run_ranges(decide, len(points), size=_RANGE)
     count = int(measured.sum())
     return Samples(
         triangle=triangle[measured],
