@@ -1,0 +1,247 @@
+"""The outline of a face: closed loops around its points in the parameter plane, drawn onto the creases, corners kept."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+
+from scan2nurbs.edges.polyline import resample
+from scan2nurbs.edges.ranges import require_float
+from scan2nurbs.errors import NoResultError, ParameterError
+from scan2nurbs.faces.contours import Contour, FaceRaster, trace_contours
+from scan2nurbs.faces.snapping import Creases, snap_contour
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class OutlineParams:
+    """How an outline is drawn; lengths in units of the spacing h.
+
+    Attributes
+    ----------
+    reach : float, >= 0
+        Crease points up to this far outside the points' contour draw the outline onto them.
+    corner_angle : float, in (0, 180)
+        Turns of at least so many degrees at a point are corners, which stay sharp.
+    """
+
+    reach: float = 3.0
+    corner_angle: float = 30.0
+
+    def __post_init__(self) -> None:
+        require_float(self.reach, "reach", "find_outline", 0.0, closed="low")
+        require_float(self.corner_angle, "corner_angle", "find_outline", 0.0, 180.0)
+
+
+@dataclass(frozen=True)
+class OutlineLoop:
+    """One loop of an outline, with the face on its left: around the outside counter-clockwise, around a hole clockwise.
+
+    Attributes
+    ----------
+    points : (K, 2) float64
+        In order, about half a spacing apart; the first is not repeated at the end.
+    corners : (C,) int64
+        Rows of `points` that are sharp corners, where a CAD writer ends one edge and begins the next.
+    on_crease : (K,) bool
+        Rows that were drawn onto crease points; the others run along the border of the points.
+    shift : (2,) float64
+        From the first point to the end of the loop: zero, or plus or minus one period for a loop once around a tube.
+    """
+
+    points: Array
+    corners: NDArray[np.int64]
+    on_crease: NDArray[np.bool_]
+    shift: Array = field(default_factory=lambda: np.zeros(2))
+
+    @property
+    def area(self) -> float:
+        """Signed area: positive for an outer loop, negative for a hole, zero for a loop around a tube."""
+        return Contour(self.points, self.shift).area
+
+
+@dataclass(frozen=True)
+class Outline:
+    """The outline of a face.
+
+    Attributes
+    ----------
+    loops : tuple of OutlineLoop
+        The outer loop first, then the holes by falling size. On a tube the loops around it come first.
+    margin : float
+        How far outside the points' contour the border was found to lie on average, in local spacings.
+    n_points : int
+        Points within the outline's component.
+    n_left_out : tuple of int
+        Points of the separate components that were left out, the largest first.
+    n_rough : int
+        Loops left as rough contours, because drawn smoothly they would have crossed.
+    """
+
+    loops: tuple[OutlineLoop, ...]
+    margin: float
+    n_points: int
+    n_left_out: tuple[int, ...]
+    n_rough: int
+
+
+def outline_loops(
+    points_uv: Array,
+    *,
+    spacing: float,
+    boundary_uv: Array | None = None,
+    period: float | None = None,
+    params: OutlineParams | None = None,
+) -> tuple[OutlineLoop, ...]:
+    """Return the loops of `find_outline`."""
+    return find_outline(points_uv, spacing=spacing, boundary_uv=boundary_uv, period=period, params=params).loops
+
+
+def find_outline(
+    points_uv: Array,
+    *,
+    spacing: float,
+    boundary_uv: Array | None = None,
+    period: float | None = None,
+    params: OutlineParams | None = None,
+) -> Outline:
+    """Find the outline of the face that points in a parameter plane sample.
+
+    Parameters
+    ----------
+    points_uv : (N, 2) float64
+        Parameters of the points inside, scaled to lengths on the surface.
+    spacing : float
+        The noise-stable spacing h, in the same unit.
+    boundary_uv : (M, 2) float64, optional
+        Points on creases (thinned boundary points) in the same parameters. The outline runs along them where they lie near the
+        contour of the points; elsewhere just outside the outermost points.
+    period : float, optional
+        The period of u on a closed tube.
+    params : OutlineParams, optional
+
+    Raises
+    ------
+    ParameterError
+        If an array is not (N, 2) and finite, or spacing or period is out of range.
+    NoResultError
+        If the points cover no area.
+
+    Notes
+    -----
+    Gaps narrower than 4 h are no holes, nor are wider ones that random sampling leaves by chance. O(N) on a raster of half a
+    spacing, coarser for faces whose bounding box has more than 2^23 such cells. Deterministic, the same for every order of the
+    points to rounding; the raster follows the points' principal axes, so that a rigid motion carries the outline along.
+    """
+    params = params or OutlineParams()
+    require_float(float(spacing), "spacing", "find_outline", 0.0)
+    points = _checked(points_uv, "points_uv")
+    crease = _checked(np.empty((0, 2)) if boundary_uv is None else boundary_uv, "boundary_uv")
+    if period is not None:
+        require_float(float(period), "period", "find_outline", 8.0 * float(spacing))
+    if len(points) < 3:
+        raise NoResultError(f"An outline needs at least 3 points. Got {len(points)} instead.")
+    frame, origin = _frame(points, period)
+    points, crease = (points - origin) @ frame, (crease - origin) @ frame
+    if period is not None:
+        points, crease = _wrapped(points, crease, period, params.reach * spacing)
+    face = trace_contours(points, float(spacing), period)
+    if not face.contours:
+        raise NoResultError("The points cover no area that an outline could go around.")
+    loops = [_draw_loop(contour, face, crease, float(spacing), params) for contour in face.contours]
+    loops, n_rough = _without_crossings(loops, face, float(spacing), period)
+    back = tuple(OutlineLoop(loop.points @ frame.T + origin, loop.corners, loop.on_crease, loop.shift @ frame.T) for loop in loops)
+    return Outline(back, face.margin, face.n_points, face.n_left_out, n_rough)
+
+
+def _checked(points: Array, name: str) -> Array:
+    points = np.asarray(points, np.float64)
+    if points.ndim != 2 or points.shape[1] != 2 or not np.isfinite(points).all():
+        raise ParameterError(f"The '{name}' parameter of find_outline must be a finite (N, 2) array. Got the shape {points.shape} instead.")
+    return points
+
+
+def _frame(points: Array, period: float | None) -> tuple[Array, Array]:
+    """Return a rotation whose columns are the points' principal axes, and the mean; a periodic u must stay the first axis."""
+    if period is not None:
+        return np.eye(2), np.zeros(2)
+    mean = points.mean(axis=0)
+    relative = points - mean
+    axis = np.linalg.eigh(relative.T @ relative)[1][:, 1]
+    if ((relative @ axis) ** 3).sum() < 0.0:
+        axis = -axis
+    return np.array([[axis[0], -axis[1]], [axis[1], axis[0]]]), mean
+
+
+def _wrapped(points: Array, crease: Array, period: float, reach: float) -> tuple[Array, Array]:
+    """Bring u into [0, period); crease points near the seam count on both sides of it."""
+    points, crease = points.copy(), crease.copy()
+    points[:, 0] %= period
+    points[points[:, 0] >= period, 0] = 0.0
+    crease[:, 0] %= period
+    turns = [crease + np.array([turn * period, 0.0]) for turn in (-1, 0, 1, 2)]
+    return points, np.concatenate(turns)
+
+
+def _draw_loop(contour: Contour, face: FaceRaster, crease: Array, h: float, params: OutlineParams) -> OutlineLoop:
+    rough = resample(contour.points, 0.5 * h, closed=True, shift=contour.shift)
+    if len(rough) < 12:
+        return OutlineLoop(rough, np.empty(0, np.int64), np.zeros(len(rough), np.bool_), contour.shift)
+    points, corners, covered = snap_contour(
+        rough,
+        contour.shift,
+        h=h,
+        margin=face.margin * face.spacing_at(rough),
+        creases=Creases(crease, params.reach * h),
+        corner_angle=params.corner_angle,
+    )
+    return OutlineLoop(points, corners, covered, contour.shift)
+
+
+def _without_crossings(loops: list[OutlineLoop], face: FaceRaster, h: float, period: float | None) -> tuple[list[OutlineLoop], int]:
+    """Take back the drawing of loops that cross themselves or each other: contours of a raster never do."""
+    rough = np.zeros(len(loops), np.bool_)
+    while True:
+        crossed = crossing_loops([np.concatenate([loop.points, loop.points[:1] + loop.shift]) for loop in loops], period)
+        worse = crossed & ~rough
+        if not worse.any():
+            return loops, int(rough.sum())
+        rough |= worse
+        for i in np.flatnonzero(worse):
+            contour = face.contours[i]
+            n = len(contour.points)
+            loops[i] = OutlineLoop(contour.points, np.empty(0, np.int64), np.zeros(n, np.bool_), contour.shift)
+
+
+def crossing_loops(lines: list[Array], period: float | None = None) -> NDArray[np.bool_]:
+    """Tell which polylines cross themselves or another one.
+
+    Parameters
+    ----------
+    lines : list of (K, 2) float64
+        Closed ones repeat their first point.
+    period : float, optional
+        Polylines also cross where they do so one period on in x.
+    """
+    of_line = np.concatenate([np.full(len(line) - 1, i) for i, line in enumerate(lines)])
+    a, b = np.concatenate([line[:-1] for line in lines]), np.concatenate([line[1:] for line in lines])
+    if period is not None:
+        of_line = np.tile(of_line, 2)
+        turn = np.array([period, 0.0])
+        a, b = np.concatenate([a, a + turn]), np.concatenate([b, b + turn])
+    reach = float(np.linalg.norm(b - a, axis=1).max())
+    pairs = KDTree(0.5 * (a + b)).query_pairs(reach, output_type="ndarray")
+    i, j = pairs[:, 0], pairs[:, 1]
+
+    def side(p: Array, q: Array, r: Array) -> Array:
+        return (q[:, 0] - p[:, 0]) * (r[:, 1] - p[:, 1]) - (q[:, 1] - p[:, 1]) * (r[:, 0] - p[:, 0])
+
+    cross = (side(a[i], b[i], a[j]) * side(a[i], b[i], b[j]) < 0.0) & (side(a[j], b[j], a[i]) * side(a[j], b[j], b[i]) < 0.0)
+    crossed = np.zeros(len(lines), np.bool_)
+    crossed[of_line[i[cross]]] = True
+    crossed[of_line[j[cross]]] = True
+    return crossed
