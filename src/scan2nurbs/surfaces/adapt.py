@@ -13,6 +13,7 @@ from scan2nurbs.errors import NoResultError
 from scan2nurbs.kernels.runner import Progress
 from scan2nurbs.surfaces.axis import Axis
 from scan2nurbs.surfaces.parametrize import Parameters
+from scan2nurbs.surfaces.prune import prune
 from scan2nurbs.surfaces.residuals import Weighing, systematic, weigh
 from scan2nurbs.surfaces.solve import Spline, fit_spline
 
@@ -28,6 +29,7 @@ _TOLERANCE_OF_NOISE = 0.5
 _TOLERANCE_OF_SPACING = 0.03
 _WEIGHT_FLOOR = 0.02
 _SLACK = 0.05
+_FAR = 10.0
 # 60 degrees: rougher than any noise makes the normals of nodes.
 _FOLDED_COSINE = 0.5
 
@@ -117,8 +119,7 @@ def adapt(task: Task, progress: Progress | None) -> State:
             "round %d: %d x %d, rms %.3g, noise %.3g (in spacings)",
             done, state.spline.u.n, state.spline.v.n, np.sqrt(np.mean(state.normal**2)) / task.spacing, state.noise / task.spacing,
         )  # fmt: skip
-        marks = systematic(state.spline.u, state.spline.v, state.uv, state.normal, state.weights, state.noise, state.tolerance)
-        u, v, bounded = _insert(task, state.spline, *marks)
+        u, v, bounded = _insert(task, state.spline, *_marks(state))
         if u.n_spans == state.spline.u.n_spans and v.n_spans == state.spline.v.n_spans:
             if bounded:
                 notes.append("The surface misses the tolerance in places: there are too few points, or control points allowed, for more knots.")
@@ -126,7 +127,32 @@ def adapt(task: Task, progress: Progress | None) -> State:
         state = _refit(task, state, u, v)
     else:
         notes.append("The surface misses the tolerance in places: max_iterations was reached.")
-    return replace(state, notes=tuple(notes))
+    return replace(_pruned(task, state), notes=tuple(notes))
+
+
+def _pruned(task: Task, state: State) -> State:
+    """Leave out knots as long as neither the sum of squares nor any systematic residual asks for them."""
+    best = state
+    asked = sum(int(m.sum()) for m in _marks(state))
+
+    def fit_without(u: Axis, v: Axis) -> Spline | None:
+        nonlocal best
+        found = _refit(task, _refit(task, best, u, v), u, v)
+        # The weights of the fuller net judge both, so that a point turned outlier does not pay for a knot.
+        rise = float(np.sum(best.weights * (np.minimum(found.whole, _FAR * best.noise) ** 2 - np.minimum(best.whole, _FAR * best.noise) ** 2)))
+        freed = best.spline.u.n * best.spline.v.n - u.n * v.n
+        fair = rise <= 2.0 * best.noise**2 * freed or rise <= 0.002 * best.tolerance**2 * float(best.weights.sum())
+        if not fair or sum(int(m.sum()) for m in _marks(found)) > asked:
+            return None
+        best = replace(found, noise=best.noise, tolerance=best.tolerance)
+        return best.spline
+
+    prune(state.spline, float(state.weights.sum()), max(state.noise, 0.1 * state.tolerance), fit_without)
+    return best
+
+
+def _marks(state: State) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    return systematic(state.spline.u, state.spline.v, state.uv, state.normal, state.weights, state.noise, state.tolerance)
 
 
 def settle(task: Task, state: State, points: NDArray[np.float64], uv: NDArray[np.float64]) -> State:

@@ -76,10 +76,6 @@ class Axis:
         middles = 0.5 * (self.breaks[:-1] + self.breaks[1:])[spans]
         return Axis(self.degree, np.sort(np.concatenate([self.breaks, middles])), self.closed)
 
-    def without(self, k: int) -> Axis:
-        """Return the axis without the inner break k."""
-        return Axis(self.degree, np.delete(self.breaks, k), self.closed)
-
     @cached_property
     def span_integrals(self) -> NDArray[np.float64]:
         """Integrals over each span of products of its functions' derivatives of order 0, 1, 2: (m, 3, degree + 1, degree + 1).
