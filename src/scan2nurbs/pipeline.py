@@ -150,7 +150,8 @@ def reconstruct_surface(
     watch = Stopwatch()
 
     def stage(name: str) -> Progress | None:
-        return None if progress is None else lambda done, total: progress(name, done, total)
+        call = progress
+        return None if call is None else lambda done, total: call(name, done, total)
 
     with watch("read"):
         cloud = as_cloud(source, unit)

@@ -118,7 +118,7 @@ def _stand(
     """Put the points within reach of a fitted one onto the surface; return their foot points and which they are."""
     distance, nearest = tree.query(points, distance_upper_bound=reach, workers=thread_count())
     near = np.flatnonzero(np.isfinite(distance))
-    return foot_points(fit.surface, points[near], uv[nearest[near]]), near
+    return foot_points(fit.surface, points[near], uv[np.asarray(nearest)[near]]), near
 
 
 def _up_to(
