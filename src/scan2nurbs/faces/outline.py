@@ -29,8 +29,8 @@ class OutlineParams:
         Turns of at least so many degrees at a point are corners, which stay sharp.
     """
 
-    reach: float = 3.0
-    corner_angle: float = 30.0
+    reach: float = 4.0
+    corner_angle: float = 38.0
 
     def __post_init__(self) -> None:
         require_float(self.reach, "reach", "find_outline", 0.0, closed="low")

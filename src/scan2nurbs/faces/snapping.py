@@ -6,11 +6,14 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import minimum_filter1d
 from scipy.spatial import KDTree
 
 from scan2nurbs.edges.polyline import find_corners, smooth
 
 Array = NDArray[np.float64]
+Rows = NDArray[np.int64]
+Mask = NDArray[np.bool_]
 
 # Wavelengths, in h, below which the contour and its distance from the creases are taken for noise.
 _CONTOUR_WAVE, _OFFSET_WAVE = 8.0, 14.0
@@ -18,6 +21,8 @@ _CONTOUR_WAVE, _OFFSET_WAVE = 8.0, 14.0
 _COVER = 3.0
 # Crease points inside the contour by more than this, in h, do not belong to it.
 _INSIDE = 1.5
+# Crease points this much farther out, in h, than others nearby belong to another crease.
+_FRONT = 2.0
 _ROUNDS = 2
 
 
@@ -29,17 +34,15 @@ class Creases(NamedTuple):
 
 
 class _Side(NamedTuple):
-    """The even rows of a contour between two corners, and how many at either end are spoilt by the corner."""
+    """The even rows of a contour between two corners, and which of them lie clear of the corners."""
 
     rough: Array
-    trusted: NDArray[np.bool_]
+    trusted: Mask
     closed: bool
     shift: Array
 
 
-def snap_contour(
-    rough: Array, shift: Array, *, h: float, margin: Array, creases: Creases, corner_angle: float
-) -> tuple[Array, NDArray[np.int64], Array]:
+def snap_contour(rough: Array, shift: Array, *, h: float, margin: Array, creases: Creases, corner_angle: float) -> tuple[Array, Rows, Mask]:
     """Draw a contour onto its creases, or outwards by a margin where there are none.
 
     Parameters
@@ -63,22 +66,36 @@ def snap_contour(
     covered : (L,) bool
         Rows drawn onto a crease.
     """
-    k = len(rough)
     step = float(np.linalg.norm(np.diff(rough, axis=0), axis=1).mean())
     corners = find_corners(rough, closed=True, arm=5.0 * h, blunt=1.0 * h, min_angle=corner_angle, shift=shift)
-    sides, margins = _sides(rough, shift, margin, corners, blunt=round(h / step))
-    lines = [_baseline(side, _CONTOUR_WAVE * h / step) for side in sides]
-    covers = [np.zeros(len(line), np.bool_) for line in lines]
-    for _ in range(_ROUNDS):
-        hits = _assign(lines, sides, creases, step, h)
-        for i, side in enumerate(sides):
-            lines[i], covers[i] = _draw(lines[i], side, margins[i], hits[i], step, h)
-    if len(corners) == 0:
-        return lines[0][:k], np.empty(0, np.int64), covers[0]
-    return _join(lines, covers, rough[corners], shift, step, h)
+    while True:
+        sides, margins = _sides(rough, shift, margin, corners, blunt=round(h / step))
+        lines = [_baseline(side, _CONTOUR_WAVE * h / step) for side in sides]
+        covers = [np.zeros(len(line), np.bool_) for line in lines]
+        for _ in range(_ROUNDS):
+            hits = _assign(lines, sides, creases, step, h)
+            for i, side in enumerate(sides):
+                lines[i], covers[i] = _draw(lines[i], side, margins[i], hits[i], step, h)
+        if len(corners) == 0:
+            return lines[0], corners, covers[0]
+        # The rough contour is full of corners; those that its smoothed sides do not show are none.
+        blunt = _turns(lines, reach=max(round(4.0 * h / step), 2)) < corner_angle
+        if not blunt.any():
+            return _join(lines, covers, rough[corners], shift, creases, step, h)
+        corners = corners[~blunt]
 
 
-def _sides(rough: Array, shift: Array, margin: Array, corners: NDArray[np.int64], blunt: int) -> tuple[list[_Side], list[Array]]:
+def _turns(lines: list[Array], reach: int) -> Array:
+    """Return by how many degrees the outline turns where each side begins."""
+    turns = np.empty(len(lines))
+    for i, after in enumerate(lines):
+        before = lines[i - 1][-reach:]
+        u, v = before[-1] - before[0], after[:reach][-1] - after[0]
+        turns[i] = abs(np.degrees(np.arctan2(u[0] * v[1] - u[1] * v[0], u @ v)))
+    return turns
+
+
+def _sides(rough: Array, shift: Array, margin: Array, corners: Rows, blunt: int) -> tuple[list[_Side], list[Array]]:
     """Cut the contour at its corners; both neighbours of a corner hold its row."""
     k = len(rough)
     if len(corners) == 0:
@@ -120,27 +137,37 @@ def _frame(line: Array, side: _Side) -> tuple[Array, Array]:
     return tangent, np.stack([tangent[:, 1], -tangent[:, 0]], axis=1)
 
 
-def _assign(lines: list[Array], sides: list[_Side], creases: Creases, step: float, h: float) -> list[tuple[Array, Array]]:
+def _assign(lines: list[Array], sides: list[_Side], creases: Creases, step: float, h: float) -> list[tuple[Rows, Array]]:
     """Give each crease point to the row nearest to it; return for each side the rows and the distances outwards."""
     if len(creases.points) == 0:
         return [(np.empty(0, np.int64), np.empty(0)) for _ in lines]
     of_side = np.concatenate([np.full(len(line), i) for i, line in enumerate(lines)])
     of_row = np.concatenate([np.arange(len(line)) for line in lines])
-    distance, nearest = KDTree(np.concatenate(lines)).query(creases.points, distance_upper_bound=creases.reach + h)
+    found = KDTree(np.concatenate(lines)).query(creases.points, distance_upper_bound=creases.reach + h)
+    distance, nearest = np.asarray(found[0]), np.asarray(found[1])
     near = np.isfinite(distance)
     hits = []
     for i, (line, side) in enumerate(zip(lines, sides, strict=True)):
         mine = np.flatnonzero(near)[of_side[nearest[near]] == i]
         row = of_row[nearest[mine]]
         tangent, normal = _frame(line, side)
-        off = creases.points[mine] - line[row]
+        off: Array = creases.points[mine] - line[row]
         out, along = (off * normal[row]).sum(axis=1), (off * tangent[row]).sum(axis=1)
         good = (np.abs(along) <= 1.5 * step) & (out <= creases.reach) & (out >= -_INSIDE * h)
-        hits.append((row[good], out[good]))
+        hits.append(_front(row[good], out[good], len(line), round(_COVER * h / step), h))
     return hits
 
 
-def _draw(line: Array, side: _Side, margin: Array, hits: tuple[Array, Array], step: float, h: float) -> tuple[Array, NDArray[np.bool_]]:
+def _front(row: Rows, out: Array, k: int, by: int, h: float) -> tuple[Rows, Array]:
+    """Keep the first crease outside the contour: behind it another one may run, of the neighbouring face."""
+    nearest = np.full(k, np.inf)
+    np.minimum.at(nearest, row, out)
+    front = np.asarray(minimum_filter1d(nearest, 2 * by + 1, mode="nearest"))
+    first = out <= front[row] + _FRONT * h
+    return row[first], out[first]
+
+
+def _draw(line: Array, side: _Side, margin: Array, hits: tuple[Rows, Array], step: float, h: float) -> tuple[Array, Mask]:
     """Move one side outwards: onto its crease points where it has any, else by the margin from the rough contour."""
     k = len(line)
     _, normal = _frame(line, side)
@@ -151,9 +178,9 @@ def _draw(line: Array, side: _Side, margin: Array, hits: tuple[Array, Array], st
     rough = ((side.rough - line) * normal).sum(axis=1) + margin
     trust = np.ones(len(out))
     wave = _OFFSET_WAVE * h / step
-    offset = np.zeros(k)
+    offset, weight, target = np.zeros(k), np.zeros(k), np.zeros(k)
     for _ in range(4):
-        weight = np.bincount(row, trust, k) + np.where(free, 0.3, 0.0)
+        weight = np.bincount(row, trust, k) + np.where(free, 0.3, 0.0).astype(np.float64)
         total = np.bincount(row, trust * out, k) + np.where(free, 0.3 * rough, 0.0)
         target = np.divide(total, weight, out=np.zeros(k), where=weight > 0.0)
         offset = _smooth(side, target[:, None], weight, wave)[:, 0]
@@ -168,7 +195,7 @@ def _draw(line: Array, side: _Side, margin: Array, hits: tuple[Array, Array], st
     return line + offset[:, None] * normal, covered
 
 
-def _widened(mask: NDArray[np.bool_], by: int, closed: bool) -> NDArray[np.bool_]:
+def _widened(mask: Mask, by: int, closed: bool) -> Mask:
     result = mask.copy()
     for shift in range(1, by + 1):
         for sign in (-1, 1):
@@ -181,15 +208,21 @@ def _widened(mask: NDArray[np.bool_], by: int, closed: bool) -> NDArray[np.bool_
 
 
 def _join(
-    lines: list[Array], covers: list[NDArray[np.bool_]], rough_corners: Array, shift: Array, step: float, h: float
-) -> tuple[Array, NDArray[np.int64], NDArray[np.bool_]]:
+    lines: list[Array],
+    covers: list[Mask],
+    rough_corners: Array,
+    shift: Array,
+    creases: Creases,
+    step: float,
+    h: float,
+) -> tuple[Array, Rows, Mask]:
     """Prolong neighbouring sides until they meet, and put their corner there."""
     n = len(lines)
     reach = max(round(3.0 * h / step), 2)
     meets = []
     for i in range(n):
         before, back = (lines[i - 1], np.zeros(2)) if i > 0 else (lines[-1], shift)
-        meets.append(_meet(before[-reach:] - back, lines[i][:reach], rough_corners[i], h))
+        meets.append(_meet(before[-reach:] - back, lines[i][:reach], rough_corners[i], creases.points, h))
     points, covered, corners = [], [], []
     row = 0
     for i in range(n):
@@ -202,7 +235,7 @@ def _join(
     return np.concatenate(points), np.array(corners, np.int64), np.concatenate(covered)
 
 
-def _meet(before: Array, after: Array, rough: Array, h: float) -> Array:
+def _meet(before: Array, after: Array, rough: Array, creases: Array, h: float) -> Array:
     """Intersect the lines in which two sides end and begin; where these are nearly parallel or meet far off, the middle of the ends."""
     p, q = before.mean(axis=0), after.mean(axis=0)
     u, v = before[-1] - before[0], after[-1] - after[0]
@@ -214,10 +247,12 @@ def _meet(before: Array, after: Array, rough: Array, h: float) -> Array:
     meet = p + u * ((d[0] * v[1] - d[1] * v[0]) / cross)
     # A sharp tip lies the farther out, the sharper it is.
     sine = abs(cross) / (np.linalg.norm(u) * np.linalg.norm(v))
-    return meet if np.linalg.norm(meet - rough) <= 4.0 * h / sine else middle
+    far = float(np.linalg.norm(meet - rough))
+    supported = len(creases) > 0 and float(np.linalg.norm(creases - meet, axis=1).min()) <= 2.0 * h
+    return meet if far <= 4.0 * h / sine or (supported and far <= 12.0 * h / sine) else middle
 
 
-def _between(line: Array, start: Array, end: Array, step: float) -> NDArray[np.bool_]:
+def _between(line: Array, start: Array, end: Array, step: float) -> Mask:
     """Tell which rows of a side lie between its two corners."""
     keep = np.ones(len(line), np.bool_)
     third = max(len(line) // 2, 1)
