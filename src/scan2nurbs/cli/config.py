@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -32,7 +31,7 @@ def read_config(path: Path | None, stages: tuple[Stage, ...]) -> Config:
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         reason = getattr(error, "strerror", None) or error
         raise InputError(f"The config cannot be read: {reason}.", path=path) from error
-    known = {stage.section: {field.name for field in dataclasses.fields(stage.params)} for stage in stages}
+    known = {stage.section: stage.names() for stage in stages}
     for section, values in config.items():
         if section not in known or not isinstance(values, dict):
             raise ParameterError(f"{path}: The config has an unknown section '{section}'. Known are: {', '.join(known)}.")
@@ -44,11 +43,25 @@ def read_config(path: Path | None, stages: tuple[Stage, ...]) -> Config:
     return config
 
 
-def parameters(stage: Stage, given: Given, config: Config, path: Path | None = None) -> Any:
-    """Make a stage's parameters; the command line beats the config file."""
+def parameters(stage: Stage, given: Given, config: Config, path: Path | None = None, **nested: Any) -> Any:
+    """Make a stage's parameters; the command line beats the config file.
+
+    Parameters
+    ----------
+    stage : Stage
+        Which parameters.
+    given : Given
+        What was said on the command line.
+    config : mapping
+        What `read_config` returned for `path`.
+    path : Path, optional
+        The config file, which errors name.
+    **nested
+        Parameters of stages inside this one.
+    """
     from_file = {key: _from_toml(stage, key, value, path) for key, value in config.get(stage.section, {}).items()}
     _check(stage, from_file, path)
-    return stage.params(**(from_file | given.of(stage)))
+    return stage.params(**(from_file | given.of(stage) | nested))
 
 
 def _check(stage: Stage, values: Mapping[str, Any], path: Path | None) -> None:

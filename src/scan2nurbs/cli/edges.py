@@ -83,11 +83,11 @@ def edges_record(cloud: PointCloud, found: Edges, params: EdgeParams) -> dict[st
         "input": records.input_record(cloud),
         "scale": records.scale_record(found),
         "edges": {
-            "n_edge": n_edge,
+            "n_points": n_edge,
             "n_undefined": n_undefined,
             "threshold": found.threshold,
             "radii": found.radii,
-            "runs": [{"operator": operator, "n_kept": kept} for operator, kept in found.runs],
+            "runs": [{"operator": operator, "kept": kept} for operator, kept in found.runs],
             "degenerate": found.counts,
         },
         "parameters": {"edges": params},
@@ -98,9 +98,9 @@ def edges_record(cloud: PointCloud, found: Edges, params: EdgeParams) -> dict[st
 def edges_facts(record: dict[str, Any]) -> list[tuple[str, str]]:
     """Return the figures that answer the question."""
     found, unit = record["edges"], record["input"]["unit"]
-    share = found["n_edge"] / max(record["input"]["n_rows"], 1)
+    share = found["n_points"] / max(record["input"]["n_rows"], 1)
     return [
-        ("edge points", f"{found['n_edge']:,} ({share:.1%})"),
+        ("edge points", f"{found['n_points']:,} ({share:.1%})"),
         ("operators", " → ".join(run["operator"] for run in found["runs"])),
         ("threshold", f"{found['threshold']:.3g}°"),
         ("radii", ", ".join(f"{radius:.3g} {unit}" for radius in found["radii"].values())),

@@ -30,22 +30,33 @@ class Stage:
         Heading in the help.
     options : mapping of str to str
         Names of options that differ from their field's, e.g. where two stages have a field of one name.
-    hidden : frozenset of str
-        Fields that only the config file can set.
+    shown : frozenset of str, optional
+        Fields that have an option; all unless given. The config file can set the others too.
+    nested : frozenset of str
+        Fields that are stages of their own, with their own section.
     parse : mapping of str to callable
         For fields that are no number, word or flag: makes the value from the option's text.
+    metavars : mapping of str to str
+        What the help calls such a value.
     """
 
     section: str
     params: type
     panel: str
     options: Mapping[str, str] = dataclasses.field(default_factory=dict)
-    hidden: frozenset[str] = frozenset()
+    shown: frozenset[str] | None = None
+    nested: frozenset[str] = frozenset()
     parse: Mapping[str, Callable[[str], Any]] = dataclasses.field(default_factory=dict)
+    metavars: Mapping[str, str] = dataclasses.field(default_factory=dict)
+
+    def names(self) -> list[str]:
+        """Return the fields that the config file can set."""
+        return [field.name for field in dataclasses.fields(self.params) if field.init and field.name not in self.nested]
 
     def fields(self) -> list[dataclasses.Field[Any]]:
         """Return the fields that have an option."""
-        return [field for field in dataclasses.fields(self.params) if field.init and field.name not in self.hidden]
+        shown = self.names() if self.shown is None else self.shown
+        return [field for field in dataclasses.fields(self.params) if field.name in shown and field.name not in self.nested]
 
     def key(self, field: str) -> str:
         """Return the name under which the field's option reaches the command."""
@@ -107,20 +118,20 @@ def option_for(stage: Stage, field: dataclasses.Field[Any]) -> inspect.Parameter
     # The help is read as rich markup, in which "[" opens a tag.
     flag = "--" + stage.options.get(field.name, field.name).replace("_", "-")
     decls = [f"{flag}/--no-{flag[2:]}"] if kind is bool else [flag]
-    metavar = "TEXT" if kind not in (int, float, bool, str) and get_origin(kind) is not Literal else None
+    known = kind in (int, float, bool, str) or get_origin(kind) is Literal
+    metavar = None if known else stage.metavars.get(field.name, "TEXT")
     option = typer.Option(*decls, help=text.replace("[", r"\["), rich_help_panel=stage.panel, show_default=False, metavar=metavar)
-    simple = kind if metavar is None else str
-    return inspect.Parameter(
-        stage.key(field.name), inspect.Parameter.KEYWORD_ONLY, default=None, annotation=Annotated[simple | None, option]
-    )
+    annotation = Annotated[(kind if known else str) | None, option]
+    return inspect.Parameter(stage.key(field.name), inspect.Parameter.KEYWORD_ONLY, default=None, annotation=annotation)
 
 
-def numbers(text: str) -> tuple[float, ...]:
-    """Read numbers separated by commas, such as "1, 0, 2.5"."""
+def place(text: str) -> tuple[float, float, float]:
+    """Read three numbers separated by commas, such as "1, 0, 2.5"."""
     try:
-        return tuple(float(part) for part in text.split(","))
+        x, y, z = (float(part) for part in text.split(","))
     except ValueError:
-        raise ParameterError(f"Numbers separated by commas are expected, such as '1,0,2.5'. Got {text!r} instead.") from None
+        raise ParameterError(f"Three numbers separated by commas are expected, such as '1,0,2.5'. Got {text!r} instead.") from None
+    return x, y, z
 
 
 def bare_type(hint: Any) -> Any:

@@ -52,6 +52,7 @@ class Session:
         record: dict[str, Any],
         summary: Sequence[str],
         *,
+        verdict: str | None = None,
         outputs: Sequence[Path | None] = (),
         headline: Sequence[tuple[str, str]] = (),
         pictures: Callable[[], list[Picture]] = list,
@@ -64,6 +65,8 @@ class Session:
             What the command found; see docs/commands.md.
         summary : sequence of str
             The answer in lines, for a reader.
+        verdict : str, optional
+            The answer's last line, after the names of the files.
         outputs : sequence of path or None
             Files that were written.
         headline : sequence of (name, value)
@@ -83,7 +86,8 @@ class Session:
         record["versions"] = versions()
         if self.common.report is not None:
             write_report(self.common.report, record, pictures(), headline)
-        lines = list(summary) if self.common.quiet else [*summary, *(f"wrote {path}" for path in written)]
+        named = [] if self.common.quiet else [f"wrote {path}" for path in written]
+        lines = [*summary, *named, *([] if verdict is None else [verdict])]
         self.text = to_json(record) if self.common.json else "".join(f"{line}\n" for line in lines)
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from scan2nurbs.cli.config import parameters, read_config
-from scan2nurbs.cli.options import Given, Stage, numbers, takes
+from scan2nurbs.cli.options import Given, Stage, place, takes
 from scan2nurbs.cli.outputs import POINTS, REPORTS, check_outputs
 from scan2nurbs.cli.session import running
 from scan2nurbs.errors import ParameterError
@@ -24,10 +24,16 @@ def parse_views(text: str) -> int | tuple[tuple[float, ...], ...]:
     """Read a number of views, or directions such as "0,0,1; 1,0,0"."""
     if text.strip().isdecimal():
         return int(text)
-    return tuple(numbers(part) for part in text.split(";"))
+    return tuple(place(part) for part in text.split(";"))
 
 
-SIMULATE = Stage(section="simulate", params=SimulateParams, panel="The scanner", parse={"views": parse_views, "up": numbers})
+SIMULATE = Stage(
+    section="simulate",
+    params=SimulateParams,
+    panel="The scanner",
+    parse={"views": parse_views, "up": place},
+    metavars={"views": "N or X,Y,Z;…", "up": "X,Y,Z"},
+)
 
 
 @takes(SIMULATE)
