@@ -1,7 +1,11 @@
-"""One hypothesis profile for all tests: no deadline, since kernels compile on their first call, and the same examples in every run."""
+"""One hypothesis profile for all tests, and the fixtures of the tests of reading.
+
+The profile has no deadline, since kernels compile on their first call, and the same examples in every run.
+"""
 
 from __future__ import annotations
 
+import pytest
 from hypothesis import HealthCheck, settings
 
 settings.register_profile(
@@ -12,3 +16,24 @@ settings.register_profile(
     suppress_health_check=[HealthCheck.too_slow],
 )
 settings.load_profile("scan2nurbs")
+
+
+@pytest.fixture(scope="session")
+def every_format(tmp_path_factory):
+    """Make a valid file of every format that is read: name → (suffix, content)."""
+    import io_samples
+
+    return io_samples.every_format(tmp_path_factory.mktemp("formats"))
+
+
+@pytest.fixture
+def read(tmp_path):
+    """Give a function that reads bytes as the content of a file with some suffix."""
+    from scan2nurbs.io import read_scan
+
+    def read(content: bytes, suffix=".bin"):
+        path = tmp_path / f"file{suffix}"
+        path.write_bytes(content)
+        return read_scan(path)
+
+    return read

@@ -9,6 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
+NAMES = [
+    *("ply ascii", "ply little", "ply big", "ply element before", "pcd ascii", "pcd binary", "pcd compressed", "xyz", "csv", "pts"),
+    *("semicolon", "stl binary", "stl ascii", "obj", "off", "off binary", "npy", "npz", "las", "las 1.4", "laz", "e57", "gzip"),
+]
+"""The samples that `every_format` makes."""
+
 TYPES = {"f4": "float", "f8": "double", "i4": "int", "u1": "uchar", "i2": "short", "u2": "ushort", "i1": "char", "u4": "uint"}
 
 
@@ -58,7 +64,7 @@ def lzf(data: bytes) -> bytes:
         key = data[place : place + 3]
         earlier = seen.get(key, -1)
         seen[key] = place
-        if len(key) == 3 and 0 <= earlier and place - earlier <= 8191:
+        if len(key) == 3 and earlier >= 0 and place - earlier <= 8191:
             length = 3
             while length < 264 and place + length < len(data) and data[earlier + length] == data[place + length]:
                 length += 1
@@ -108,7 +114,7 @@ def stl(xyz, name=b"made by hand"):
 def stl_text(xyz):
     lines = ["solid part"]
     for triangle in xyz.reshape(-1, 3, 3).tolist():
-        lines += ["facet normal 0 0 1", " outer loop", *("  vertex %r %r %r" % tuple(p) for p in triangle), " endloop", "endfacet"]
+        lines += ["facet normal 0 0 1", " outer loop", *(f"  vertex {x!r} {y!r} {z!r}" for x, y, z in triangle), " endloop", "endfacet"]
     return "\n".join([*lines, "endsolid part", ""]).encode()
 
 
@@ -147,8 +153,12 @@ def las(xyz, scale=1 / 16, offset=(0.0, 0.0, 0.0), version=(1, 2), kind=0, vlrs=
     records = b"".join(b"\0\0" + u.encode().ljust(16, b"\0") + struct.pack("<HH", n, len(c)) + bytes(32) + c for u, n, c in vlrs)
     length, size = {0: 20, 6: 30}[kind], 375 if version == (1, 4) else 227
     integers = np.round((xyz - offset) / scale).astype("<i4")
-    header = b"LASF" + bytes(20) + bytes(version) + bytes(68) + struct.pack(
-        "<HIIBHI", size, size + len(records), len(vlrs), kind, length, 0 if kind else len(xyz)
+    header = (
+        b"LASF"
+        + bytes(20)
+        + bytes(version)
+        + bytes(68)
+        + struct.pack("<HIIBHI", size, size + len(records), len(vlrs), kind, length, 0 if kind else len(xyz))
     )
     header = header.ljust(131, b"\0") + struct.pack("<6d", scale, scale, scale, *offset)
     header = header.ljust(247, b"\0") + (struct.pack("<Q", len(xyz)) if size == 375 else b"")
@@ -205,7 +215,10 @@ def every_format(folder: Path) -> dict[str, tuple[str, bytes]]:
         "npy": (".npy", npy(xyz)),
         "npz": (".npz", npz(points=xyz, label=np.zeros(len(xyz), np.uint8))),
         "las": (".las", las(xyz)),
-        "las 1.4": (".las", las(xyz, version=(1, 4), kind=6, vlrs=[("LASF_Projection", 34735, struct.pack("<8H", 1, 1, 0, 1, 3076, 0, 1, 9002))])),
+        "las 1.4": (
+            ".las",
+            las(xyz, version=(1, 4), kind=6, vlrs=[("LASF_Projection", 34735, struct.pack("<8H", 1, 1, 0, 1, 3076, 0, 1, 9002))]),
+        ),
         "laz": (".laz", laz(xyz)),
         "e57": (".e57", e57(folder / "sample.e57", [(xyz, None, identity, (0, 0, 0))])),
         "gzip": (".xyz.gz", gzip.compress(text(xyz), mtime=0)),

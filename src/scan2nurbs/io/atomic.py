@@ -42,7 +42,7 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
     temporary = _create_beside(target, path)
     try:
         yield temporary
-        if temporary.stat().st_size == 0:
+        if not temporary.exists() or temporary.stat().st_size == 0:
             raise OutputError("Nothing was written.", path=os.fspath(path))
         os.replace(temporary, target)
     except OSError as error:

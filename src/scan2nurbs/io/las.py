@@ -22,6 +22,7 @@ from scan2nurbs.io.source import Source
 _CHUNK = 1_000_000
 _LAZ_TYPE = 0x80
 _LARGEST_LAZ_RATIO = 1000
+_LAZ_ITEMS = 34  # where the list of (type, size, version) begins in LASzip's record; before it stands its length
 _HEADER = struct.Struct("<24xBB68xHIIBHI")  # version, header size, offset to points, VLRs, format, record length, points
 _SCALES = struct.Struct("<6d")
 _VLR = struct.Struct("<2x16sHH32x")
@@ -128,8 +129,11 @@ def _check_laz(source: Source, header: _Header) -> None:
     chunks = int.from_bytes(source.data[table + 4 : table + 8], "little")
     if chunks > size - start:
         raise source.fault(f"The LAZ file declares {chunks:,} chunks, more than it has bytes.", table)
-    if not any(user == b"laszip encoded" and record == 22204 for user, record, _ in _vlrs(source, header)):
-        raise source.fault("The LAZ file does not say how it is packed: the record 'laszip encoded' is missing.")
+    packing = next((content for user, record, content in _vlrs(source, header) if (user, record) == (b"laszip encoded", 22204)), b"")
+    items = np.frombuffer(packing[_LAZ_ITEMS : len(packing) // 2 * 2], "<u2")
+    sizes = items[1::3][: int.from_bytes(packing[_LAZ_ITEMS - 2 : _LAZ_ITEMS], "little")]
+    if int(sizes.sum()) != header.record:
+        raise source.fault("The LAZ file does not say how its points are packed: the record 'laszip encoded' is missing or damaged.")
 
 
 def _vlrs(source: Source, header: _Header) -> Iterator[tuple[bytes, int, bytes]]:

@@ -20,6 +20,7 @@ BLOCK = 1 << 23
 """Bytes parsed at a time; no line may be longer."""
 
 _COMMENT = (b"#", b"//", b"%", b"!")
+_AFTER_ROW = re.compile(rb"(?:^|(?<=[\s,;]))#")  # not within a word: Microsoft's old libraries print NaN as -1.#IND
 _NUMBER = re.compile(rb"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?")
 _INFINITE = re.compile(rb"[+-]?(inf|infinity|1\.#INF)", re.IGNORECASE)
 _MISSING = re.compile(rb"|[+-]?nan(\(\w*\))?|[+-]?1\.#(QNAN|SNAN|IND)\d*|null|none|n/?a", re.IGNORECASE)
@@ -123,7 +124,7 @@ def with_newlines(data: Buffer) -> Buffer:
 
 def strip_comment(line: bytes) -> bytes:
     """Return what a line says, without its comment and white space."""
-    line = line.split(b"#", 1)[0].strip()
+    line = _AFTER_ROW.split(line, maxsplit=1)[0].strip()
     return b"" if line.startswith(_COMMENT) else line
 
 
@@ -171,15 +172,32 @@ def _parse_fast(block: bytes, layout: Layout) -> NDArray[np.float64] | None:
     """Read a block by NumPy's C reader; None where it holds anything but rows of numbers."""
     if layout.decimal_comma:
         block = block.replace(b",", b".")
+    if layout.width is None:
+        return _load(block, layout, layout.columns)
+    rows = _load(block, layout, None)
+    if rows is not None:
+        return np.ascontiguousarray(rows[:, layout.columns]) if rows.shape[1] == layout.width else None
+    # There may be words in columns that are not wanted, as long as no row lacks a column.
+    return _load(block, layout, layout.columns) if _has_width(block, layout) else None
+
+
+def _load(block: bytes, layout: Layout, columns: tuple[int, ...] | None) -> NDArray[np.float64] | None:
     separator = None if layout.separator is None else layout.separator.decode()
-    usecols = layout.columns if layout.width is None else None
     try:
-        rows = np.loadtxt(io.BytesIO(block), delimiter=separator, comments=None, ndmin=2, usecols=usecols)
+        return np.loadtxt(io.BytesIO(block), delimiter=separator, comments=None, ndmin=2, usecols=columns)
     except ValueError:
         return None
-    if layout.width is None:
-        return rows
-    return np.ascontiguousarray(rows[:, layout.columns]) if rows.shape[1] == layout.width else None
+
+
+def _has_width(block: bytes, layout: Layout) -> bool:
+    """Tell whether every line has the separators of a whole row, and nothing that may be a comment."""
+    if layout.separator is None or layout.width is None or any(mark in block for mark in _COMMENT):
+        return False
+    codes = np.frombuffer(block, np.uint8)
+    ends = np.append(np.flatnonzero(codes == ord("\n")), len(block))
+    marks = np.searchsorted(np.flatnonzero(codes == ord(layout.separator)), ends)
+    n_marks = np.diff(marks[: -1 if block.endswith(b"\n") else None], prepend=0)
+    return bool(np.all(n_marks == layout.width - 1))
 
 
 def _parse_lines(source: Source, block: bytes, line: int, layout: Layout, wanted: int | None) -> NDArray[np.float64]:

@@ -42,9 +42,9 @@ def write_points(
     columns : mapping of str to (N,) array-like
         Written in their types: integers of up to 32 bits, float32, float64; bool as uint8.
     unit : str, optional
-        Unit of the points, e.g. "mm"; written where `read_scan` finds it.
+        Unit of the points, e.g. "mm"; written into PLY and NPZ, where `read_scan` finds it. CSV has no place for it.
     comments : iterable of str
-        One line each; kept in PLY and CSV, and in NPZ as the array ``comments``.
+        One line each; written into the header of PLY, and into NPZ as the array ``comments``.
 
     Raises
     ------
@@ -115,11 +115,10 @@ def _write_npz(path: Path, points: NDArray[np.float64], columns: Columns, unit: 
         np.savez_compressed(stream, points=points, **columns, **about)
 
 
-def _write_csv(path: Path, points: NDArray[np.float64], columns: Columns, unit: str | None, comments: list[str]) -> None:
-    comments = comments if unit is None else [*comments, f"unit = {unit}"]
+def _write_csv(path: Path, points: NDArray[np.float64], columns: Columns, _unit: str | None, _comments: list[str]) -> None:
+    # Neither unit nor comments: most readers of CSV take the first line for the header, whatever it begins with.
     formats = [_text_of(column.dtype) for column in columns.values()]
     with path.open("w", encoding="utf-8", newline="\n") as stream:
-        stream.writelines(f"# {comment}\n" for comment in comments)
         stream.write(",".join(["x", "y", "z", *columns]) + "\n")
         for start in range(0, len(points), _CHUNK):
             part = slice(start, start + _CHUNK)
