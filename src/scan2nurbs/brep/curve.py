@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import BSpline
+from scipy.interpolate import BSpline, make_interp_spline
 from scipy.sparse import csc_array
 from scipy.sparse.linalg import splu
 
@@ -67,8 +67,8 @@ def fit_curve(points: Floats, parameters: Floats, *, tolerance: float, measure: 
     parameters : (K,) float64
         Strictly increasing.
     tolerance : float
-        Largest distance, by `measure`, of a point from the curve at its parameter. Knots are added where it is exceeded, while the
-        points can carry them: a curve through few points may end above the tolerance, which the caller has to measure.
+        Largest distance, by `measure`, of a point from the curve at its parameter. Knots are added where it is exceeded; where that does
+        not help, the curve passes through all points.
     measure : callable, optional
         Distance of (K, d) fitted points from the given ones; Euclidean by default.
     closed : bool
@@ -90,13 +90,18 @@ def fit_curve(points: Floats, parameters: Floats, *, tolerance: float, measure: 
         worst = np.zeros(len(borders) - 1)
         np.maximum.at(worst, span, distance)
         held = np.bincount(span, minlength=len(worst))
-        # Two points a knot: more knots than that would follow the points' error instead of their course.
-        split = np.flatnonzero((worst > tolerance) & (held >= 4))
+        split = np.flatnonzero((worst > tolerance) & (held >= 2))
         if not len(split):
-            break
+            return curve if worst.max() <= tolerance else _interpolated(points, parameters)
         inner = np.sort(np.concatenate([inner, [np.median(parameters[span == k]) for k in split]]))
         curve = _least_squares(points, parameters, np.r_[[low] * 4, inner, [high] * 4], closed)
     return curve
+
+
+def _interpolated(points: Floats, parameters: Floats) -> Curve:
+    degree = min(3, len(points) - 1)
+    spline = make_interp_spline(parameters, points, k=degree)
+    return Curve(degree, spline.t, spline.c)
 
 
 def _least_squares(points: Floats, parameters: Floats, knots: Floats, closed: bool) -> Curve:

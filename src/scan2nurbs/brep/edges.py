@@ -109,7 +109,7 @@ def _free(surface: BSplineSurface, frame: Frame, piece: Piece, tolerance: float,
     given = surface.evaluate(piece.uv)
 
     def in_space(fitted: Floats, _: Floats) -> Floats:
-        return np.linalg.norm(surface.evaluate(np.clip(fitted / frame.scale, frame.low, frame.high)) - given, axis=1)
+        return np.linalg.norm(_on(surface, fitted / frame.scale) - given, axis=1)
 
     straight = line(metric[0], metric[-1], (0.0, float(parameters[-1])))
     if piece.straight or (not piece.closed and in_space(straight(parameters), metric).max() <= 0.5 * tolerance):
@@ -140,6 +140,12 @@ def _in_space(surface: BSplineSurface, pcurve: Curve, gap: float) -> tuple[Curve
 
 def _at_density(surface: BSplineSurface, pcurve: Curve, gap: float, per_span: int) -> tuple[Curve, float]:
     parameters = pcurve.samples(per_span)
-    space = fit_curve(surface.evaluate(pcurve(parameters)), parameters, tolerance=gap)
+    space = fit_curve(_on(surface, pcurve(parameters)), parameters, tolerance=gap)
     between = 0.5 * (parameters[1:] + parameters[:-1])
-    return space, float(np.linalg.norm(space(between) - surface.evaluate(pcurve(between)), axis=1).max())
+    return space, float(np.linalg.norm(space(between) - _on(surface, pcurve(between)), axis=1).max())
+
+
+def _on(surface: BSplineSurface, uv: Floats) -> Floats:
+    """Evaluate the surface, after rounding has been kept from leaving its domain."""
+    low, high = np.array(surface.domain).T
+    return surface.evaluate(np.clip(uv, low, high))

@@ -90,15 +90,15 @@ def _sides(wire: Floats, frame: Frame) -> Ints:
 def _corners(points: Floats, tolerance: float) -> Ints:
     """Return the indices of the points in which a closed polyline turns by more than 35 degrees at once.
 
-    The turn is taken between the directions to the points one window before and behind. A bend that spreads over the window turns
-    half as much within half of it; a corner turns as much.
+    The turn is taken between the ways of the polyline through one window before the point and one behind it. A bend that spreads over
+    the window turns half as much within half of it; a corner turns as much.
     """
     n = len(points)
     if n < 5:
         return np.arange(n)
     step = np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1)
-    length = step.sum()
-    window = min(max(4.0 * tolerance, 3.0 * float(np.median(step))), length / _WINDOWS)
+    length = float(step.sum())
+    window = min(6.0 * tolerance, length / _WINDOWS)
     wide, narrow = (_turn(points, step, share * window) for share in (1.0, 0.5))
     sharp = (np.cos(wide) < _SHARP) & (np.abs(narrow) > 0.75 * np.abs(wide))
     along = np.concatenate([[0.0], np.cumsum(step)[:-1]])
@@ -112,15 +112,28 @@ def _corners(points: Floats, tolerance: float) -> Ints:
 
 
 def _turn(points: Floats, step: Floats, window: float) -> Floats:
-    """Return the angle in radians between the ways in and out of every point, each `window` long."""
+    """Return the angle in radians between the ways into and out of every point, each within `window` of it.
+
+    A way leads from the mean of the window's first half to that of its second, so that noise averages out.
+    """
+    ring = np.vstack([points, points[:1]])
     along = np.concatenate([[0.0], np.cumsum(step)])
-    closed = np.vstack([points, points[:1]])
+    length = along[-1]
+    slope = np.diff(ring, axis=0) / np.maximum(step, 1e-300)[:, None]
+    integral = np.vstack([np.zeros(2), np.cumsum(0.5 * step[:, None] * (ring[1:] + ring[:-1]), axis=0)])
 
-    def at(position: Floats) -> Floats:
-        position = position % along[-1]
-        return np.column_stack([np.interp(position, along, column) for column in closed.T])
+    def up_to(position: Floats) -> Floats:
+        """Integrate the polyline from its first point; around and around."""
+        laps = np.floor(position / length)
+        rest = position - laps * length
+        k = np.clip(np.searchsorted(along, rest, side="right") - 1, 0, len(step) - 1)
+        beyond = (rest - along[k])[:, None]
+        return laps[:, None] * integral[-1] + integral[k] + beyond * (ring[k] + 0.5 * beyond * slope[k])
 
-    into, out = points - at(along[:-1] - window), at(along[:-1] + window) - points
+    at = along[:-1]
+    marks = [up_to(at + share * window) for share in (-1.0, -0.5, 0.0, 0.5, 1.0)]
+    means = np.diff(np.array(marks), axis=0)
+    into, out = means[1] - means[0], means[3] - means[2]
     return np.arctan2(into[:, 0] * out[:, 1] - into[:, 1] * out[:, 0], np.einsum("nd,nd->n", into, out))
 
 
