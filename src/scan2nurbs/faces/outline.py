@@ -16,6 +16,10 @@ from scan2nurbs.faces.snapping import Creases, snap_contour
 
 Array = NDArray[np.float64]
 
+# A bay in the contour drawn far outwards folds; a stiffer contour has no such bay.
+_STIFFNESS = (1.0, 2.0, 4.0)
+_LEAST_ROWS = 12
+
 
 @dataclass(frozen=True, kw_only=True)
 class OutlineParams:
@@ -152,8 +156,7 @@ def find_outline(
     face = trace_contours(points, float(spacing), period)
     if not face.contours:
         raise NoResultError("The points cover no area that an outline could go around.")
-    loops = [_draw_loop(contour, face, crease, float(spacing), params) for contour in face.contours]
-    loops, n_rough = _without_crossings(loops, face, float(spacing), period)
+    loops, n_rough = _draw_loops(face, crease, float(spacing), period, params)
     back = tuple(OutlineLoop(loop.points @ frame.T + origin, loop.corners, loop.on_crease, loop.shift @ frame.T) for loop in loops)
     return Outline(back, face.margin, face.n_points, face.n_left_out, n_rough)
 
@@ -187,10 +190,28 @@ def _wrapped(points: Array, crease: Array, period: float, reach: float) -> tuple
     return points, np.concatenate(turns)
 
 
-def _draw_loop(contour: Contour, face: FaceRaster, crease: Array, h: float, params: OutlineParams) -> OutlineLoop:
+def _draw_loops(face: FaceRaster, crease: Array, h: float, period: float | None, params: OutlineParams) -> tuple[list[OutlineLoop], int]:
+    """Draw all loops, more stiffly where they cross, and as rough contours where they still do: those of a raster never cross."""
+    attempt = np.zeros(len(face.contours), np.int64)
+    loops = [_draw_loop(contour, face, crease, h, params, _STIFFNESS[0]) for contour in face.contours]
+    while True:
+        closed = [np.concatenate([loop.points, loop.points[:1] + loop.shift]) for loop in loops]
+        worse = np.flatnonzero(crossing_loops(closed, period) & (attempt < len(_STIFFNESS)))
+        if len(worse) == 0:
+            return loops, int(np.count_nonzero(attempt == len(_STIFFNESS)))
+        attempt[worse] += 1
+        for i in worse:
+            contour = face.contours[i]
+            if attempt[i] < len(_STIFFNESS):
+                loops[i] = _draw_loop(contour, face, crease, h, params, _STIFFNESS[attempt[i]])
+            else:
+                loops[i] = _rough_loop(contour, contour.points)
+
+
+def _draw_loop(contour: Contour, face: FaceRaster, crease: Array, h: float, params: OutlineParams, stiffness: float) -> OutlineLoop:
     rough = resample(contour.points, 0.5 * h, closed=True, shift=contour.shift)
-    if len(rough) < 12:
-        return OutlineLoop(rough, np.empty(0, np.int64), np.zeros(len(rough), np.bool_), contour.shift)
+    if len(rough) < _LEAST_ROWS:
+        return _rough_loop(contour, rough)
     points, corners, covered = snap_contour(
         rough,
         contour.shift,
@@ -198,23 +219,13 @@ def _draw_loop(contour: Contour, face: FaceRaster, crease: Array, h: float, para
         margin=face.margin * face.spacing_at(rough),
         creases=Creases(crease, params.reach * h),
         corner_angle=params.corner_angle,
+        stiffness=stiffness,
     )
     return OutlineLoop(points, corners, covered, contour.shift)
 
 
-def _without_crossings(loops: list[OutlineLoop], face: FaceRaster, h: float, period: float | None) -> tuple[list[OutlineLoop], int]:
-    """Take back the drawing of loops that cross themselves or each other: contours of a raster never do."""
-    rough = np.zeros(len(loops), np.bool_)
-    while True:
-        crossed = crossing_loops([np.concatenate([loop.points, loop.points[:1] + loop.shift]) for loop in loops], period)
-        worse = crossed & ~rough
-        if not worse.any():
-            return loops, int(rough.sum())
-        rough |= worse
-        for i in np.flatnonzero(worse):
-            contour = face.contours[i]
-            n = len(contour.points)
-            loops[i] = OutlineLoop(contour.points, np.empty(0, np.int64), np.zeros(n, np.bool_), contour.shift)
+def _rough_loop(contour: Contour, points: Array) -> OutlineLoop:
+    return OutlineLoop(points, np.empty(0, np.int64), np.zeros(len(points), np.bool_), contour.shift)
 
 
 def crossing_loops(lines: list[Array], period: float | None = None) -> NDArray[np.bool_]:

@@ -38,7 +38,7 @@ class Raster:
 
     def local_spacing(self, h: float) -> Array:
         """Return 1/sqrt(density), the density taken over the covered area only, at least h."""
-        covered = _distance(self.count == 0, self.cell) < 1.5 * h
+        covered = _distance(self.count == 0, self.cell) < 1.6 * h  # between two distances of cells
         points, area = _blocks(self.count), _blocks(covered) * self.cell.prod()
         mass = ndimage.gaussian_filter(points, _BLUR, mode="constant")
         cover = ndimage.gaussian_filter(area, _BLUR, mode="constant")

@@ -57,6 +57,8 @@ def snap_contour(rough: Array, shift: Array, *, h: float, margin: Array, creases
     creases : Creases
     corner_angle : float
         Degrees.
+    stiffness : float
+        How many times longer than usual are the waves of the contour that are taken for noise.
 
     Returns
     -------
@@ -70,7 +72,7 @@ def snap_contour(rough: Array, shift: Array, *, h: float, margin: Array, creases
     corners = find_corners(rough, closed=True, arm=5.0 * h, blunt=1.0 * h, min_angle=corner_angle, shift=shift)
     while True:
         sides, margins = _sides(rough, shift, margin, corners, blunt=round(h / step))
-        lines = [_baseline(side, _CONTOUR_WAVE * h / step) for side in sides]
+        lines = [_baseline(side, stiffness * _CONTOUR_WAVE * h / step) for side in sides]
         covers = [np.zeros(len(line), np.bool_) for line in lines]
         for _ in range(_ROUNDS):
             hits = _assign(lines, sides, creases, step, h)
