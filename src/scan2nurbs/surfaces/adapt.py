@@ -30,6 +30,7 @@ _TOLERANCE_OF_SPACING = 0.03
 _WEIGHT_FLOOR = 0.02
 _SLACK = 0.05
 _FAR = 10.0
+_MISSES = "The surface misses the tolerance in places"
 # 60 degrees: rougher than any noise makes the normals of nodes.
 _FOLDED_COSINE = 0.5
 
@@ -74,10 +75,10 @@ class Task:
         """Sides of the rectangle of parameters."""
         return self.parameters.size
 
-    def weigh(self, uv: NDArray[np.float64], normal: NDArray[np.float64], whole: NDArray[np.float64]) -> Weighing:
+    def weigh(self, uv: NDArray[np.float64], normal: NDArray[np.float64], whole: NDArray[np.float64], lenience: float = np.inf) -> Weighing:
         """Weigh points; all alike where the fit is not robust."""
         floor = max(_WEIGHT_FLOOR * self.spacing, 0.3 * (self.tolerance or 0.0))
-        weighing = weigh(uv, self.size, normal, whole, floor)
+        weighing = weigh(uv, self.size, normal, whole, floor, lenience)
         return weighing if self.robust else Weighing(np.ones(len(uv)), weighing.noise)
 
     def slack(self, u: Axis, v: Axis, noise: float) -> float:
@@ -117,16 +118,20 @@ def adapt(task: Task, progress: Progress | None) -> State:
         state = replace(_refit(task, state, state.spline.u, state.spline.v), rounds=done)
         logger.debug(
             "round %d: %d x %d, rms %.3g, noise %.3g (in spacings)",
-            done, state.spline.u.n, state.spline.v.n, np.sqrt(np.mean(state.normal**2)) / task.spacing, state.noise / task.spacing,
-        )  # fmt: skip
+            done,
+            state.spline.u.n,
+            state.spline.v.n,
+            np.sqrt(np.mean(state.normal**2)) / task.spacing,
+            state.noise / task.spacing,
+        )
         u, v, bounded = _insert(task, state.spline, *_marks(state))
         if u.n_spans == state.spline.u.n_spans and v.n_spans == state.spline.v.n_spans:
             if bounded:
-                notes.append("The surface misses the tolerance in places: there are too few points, or control points allowed, for more knots.")
+                notes.append(f"{_MISSES}: there are too few points, or control points allowed, for more knots.")
             break
         state = _refit(task, state, u, v)
     else:
-        notes.append("The surface misses the tolerance in places: max_iterations was reached.")
+        notes.append(f"{_MISSES}: max_iterations was reached.")
     return replace(_pruned(task, state), notes=tuple(notes))
 
 
@@ -139,7 +144,9 @@ def _pruned(task: Task, state: State) -> State:
         nonlocal best
         found = _refit(task, _refit(task, best, u, v), u, v)
         # The weights of the fuller net judge both, so that a point turned outlier does not pay for a knot.
-        rise = float(np.sum(best.weights * (np.minimum(found.whole, _FAR * best.noise) ** 2 - np.minimum(best.whole, _FAR * best.noise) ** 2)))
+        rise = float(
+            np.sum(best.weights * (np.minimum(found.whole, _FAR * best.noise) ** 2 - np.minimum(best.whole, _FAR * best.noise) ** 2))
+        )
         freed = best.spline.u.n * best.spline.v.n - u.n * v.n
         fair = rise <= 2.0 * best.noise**2 * freed or rise <= 0.002 * best.tolerance**2 * float(best.weights.sum())
         if not fair or sum(int(m.sum()) for m in _marks(found)) > asked:
@@ -159,16 +166,18 @@ def settle(task: Task, state: State, points: NDArray[np.float64], uv: NDArray[np
     """Fit the knots found to all points, until foot points and weights agree with the surface."""
     u, v = state.spline.u, state.spline.v
     uv, normal, whole = state.spline.foot_points(points, uv, 2 * _STEPS)
-    before = np.inf
-    for _ in range(4):
-        weights = task.weigh(uv, normal, whole).weights
+    # A surface that has settled has no regions left to wait for: what deviates now is a neighbouring face or worse.
+    lenience = np.inf if state.notes else 1.25
+    before, spline = np.inf, state.spline
+    for _ in range(5):
+        weights = task.weigh(uv, normal, whole, lenience).weights
         spline = fit_spline(u, v, uv, points, weights, task.smoothness, task.slack(u, v, state.noise))
         uv, normal, whole = spline.foot_points(points, uv, _STEPS)
         rms = float(np.sqrt(np.average(normal**2, weights=weights)))
         if abs(before - rms) <= 1e-3 * rms:
             break
         before = rms
-    weighing = task.weigh(uv, normal, whole)
+    weighing = task.weigh(uv, normal, whole, lenience)
     noise, tolerance = task.resolve(weighing.noise)
     return replace(state, spline=spline, uv=uv, normal=normal, whole=whole, weights=weighing.weights, noise=noise, tolerance=tolerance)
 
@@ -192,8 +201,9 @@ def folds(parameters: Parameters, spline: Spline) -> tuple[str, ...]:
     cosine = cosine if cosine.sum() >= 0 else -cosine
     bad = float(np.mean((cosine < _FOLDED_COSINE) | (area < 1e-3 * np.median(area))))
     if bad > 0.1 or np.mean(on) < 0.8:
+        share = max(bad, 1.0 - float(np.mean(on)))
         raise NoResultError(
-            f"The points are no single smooth sheet: the fitted surface is folded or misses them at {max(bad, 1 - float(np.mean(on))):.0%} of the places checked."
+            f"The points are no single smooth sheet: the surface is folded or misses them at {share:.0%} of the places checked."
         )
     if bad > 0.01:
         return (f"The surface leans away from the points' own normals at {bad:.1%} of the places checked: look for creases or folds.",)

@@ -63,7 +63,7 @@ class Axis:
         if not self.closed:
             return np.eye(self.n)
         greville = np.lib.stride_tricks.sliding_window_view(self.clamped[1:-1], self.degree).mean(axis=1)
-        matrix = np.linalg.solve(_dense(self.clamped, self.degree, greville, len(greville)), self.at(greville))
+        matrix: NDArray[np.float64] = np.linalg.solve(_dense(self.clamped, self.degree, greville, len(greville)), self.at(greville))
         matrix[-1] = matrix[0]  # equal up to rounding; a seam must close exactly
         return matrix
 
@@ -104,7 +104,9 @@ class Axis:
         return np.clip(np.searchsorted(self.breaks, u, side="right") - 1, 0, self.n_spans - 1)
 
 
-def basis_table(knots: NDArray[np.float64], degree: int, u: NDArray[np.float64], order: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def basis_table(
+    knots: NDArray[np.float64], degree: int, u: NDArray[np.float64], order: int
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Return the span (N,) and the local functions with derivatives (N, order + 1, degree + 1) at parameters u."""
     spans = np.empty(len(u), np.int64)
     table = np.empty((len(u), order + 1, degree + 1))

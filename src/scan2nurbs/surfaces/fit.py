@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from scan2nurbs.errors import InputError, NoResultError, ParameterError
 from scan2nurbs.kernels.bspline import MAX_DEGREE
@@ -236,5 +236,5 @@ def _extend(points: NDArray[np.float64], sample: NDArray[np.int64], state: State
     if len(sample) == len(points):
         return state.uv
     counts = state.weights > 0
-    nearest = cKDTree(points[sample[counts]], balanced_tree=False, compact_nodes=False).query(points, workers=thread_count())[1]
+    nearest = KDTree(points[sample[counts]], balanced_tree=False, compact_nodes=False).query(points, workers=thread_count())[1]
     return state.uv[counts][nearest]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 NODES = 2000
 _NEIGHBOURS = 20
@@ -31,12 +31,15 @@ class Nodes:
         Pairs i < j of neighbours along the surface.
     spacing : float
         Noise-stable spacing of the points that the nodes stand for.
+    dense : (N,) bool
+        Which of the points are not isolated.
     """
 
     points: NDArray[np.float64]
     frames: NDArray[np.float64]
     edges: NDArray[np.int64]
     spacing: float
+    dense: NDArray[np.bool_]
 
     @property
     def normals(self) -> NDArray[np.float64]:
@@ -59,7 +62,7 @@ def symmetric(edges: NDArray[np.int64], values: NDArray[np.float64], n: int) -> 
     return coo_array((np.concatenate([values, values]), (np.concatenate([i, j]), np.concatenate([j, i]))), shape=(n, n)).tocsr()
 
 
-def spacing_of(points: NDArray[np.float64], tree: cKDTree) -> float:
+def spacing_of(points: NDArray[np.float64], tree: KDTree) -> float:
     """Return the noise-stable spacing: median distance to the 12th neighbour · √(π / 12)."""
     k = min(12, len(points) - 1)
     some = points[:: max(1, len(points) // 20000)]
@@ -69,13 +72,14 @@ def spacing_of(points: NDArray[np.float64], tree: cKDTree) -> float:
 
 def make_nodes(points: NDArray[np.float64]) -> Nodes:
     """Thin points (N, 3) to about `NODES` nodes and connect them along the surface; what stands alone or off it makes no node."""
-    tree = cKDTree(points)
+    tree = KDTree(points)
     spacing = spacing_of(points, tree)
-    dense = points[_dense(points, tree)]
-    tree = cKDTree(dense)
+    is_dense = _dense(points, tree)
+    dense = points[is_dense]
+    tree = KDTree(dense)
     chosen = _thin(dense, max(2.0 * spacing, spacing * np.sqrt(len(points) / NODES)))
     k = min(_NEIGHBOURS, len(dense))
-    centres, frames, off = _local_planes(dense, dense[chosen], tree.query(dense[chosen], k=k)[1].reshape(-1, k))
+    centres, frames, off = _local_planes(dense, dense[chosen], np.asarray(tree.query(dense[chosen], k=k)[1]).reshape(-1, k))
     on = off <= 1.5 * spacing
     on = on if np.mean(on) > 0.5 else np.ones(len(on), bool)
     centres, frames = centres[on], frames[on]
@@ -83,10 +87,10 @@ def make_nodes(points: NDArray[np.float64]) -> Nodes:
     whole = _large_pieces(edges, len(centres))
     centres, frames = centres[whole], frames[whole]
     edges = _bridge(centres, (np.cumsum(whole) - 1)[edges[whole[edges].all(axis=1)]])
-    return Nodes(centres, _orient(centres, frames, edges), edges, spacing)
+    return Nodes(centres, _orient(centres, frames, edges), edges, spacing, is_dense)
 
 
-def _dense(points: NDArray[np.float64], tree: cKDTree) -> NDArray[np.bool_]:
+def _dense(points: NDArray[np.float64], tree: KDTree) -> NDArray[np.bool_]:
     """Tell which points are not much farther from their neighbours than those are from theirs."""
     k = min(8, len(points) - 1)
     distance, near = tree.query(points, k=k + 1)
@@ -112,7 +116,7 @@ def _thin(points: NDArray[np.float64], cell: float) -> NDArray[np.int64]:
     flat = (key[:, 0] * shape[1] + key[:, 1]) * shape[2] + key[:, 2]
     order = np.lexsort((off, flat))
     first = order[np.concatenate([[True], np.diff(flat[order]) > 0])]
-    close = cKDTree(points[first]).query_pairs(0.5 * cell, output_type="ndarray")
+    close = KDTree(points[first]).query_pairs(0.5 * cell, output_type="ndarray")
     kept = np.ones(len(first), bool)
     for i, j in close[np.lexsort((close[:, 1], close[:, 0]))]:
         if kept[i]:
@@ -143,7 +147,7 @@ def _connect(points: NDArray[np.float64], normals: NDArray[np.float64]) -> NDArr
     """Return the edges between near neighbours that run along the surface."""
     n = len(points)
     k = min(_EDGES + 1, n)
-    near = cKDTree(points).query(points, k=k)[1].reshape(-1, k)
+    near = np.asarray(KDTree(points).query(points, k=k)[1]).reshape(-1, k)
     edges = _unique(np.column_stack([np.repeat(np.arange(n), k), near.ravel()]))
     d = points[edges[:, 1]] - points[edges[:, 0]]
     length = np.linalg.norm(d, axis=1)
@@ -163,7 +167,7 @@ def _bridge(points: NDArray[np.float64], edges: NDArray[np.int64]) -> NDArray[np
 def _bridges(points: NDArray[np.float64], label: NDArray[np.int32], piece: int) -> NDArray[np.int64]:
     """Return edges from a piece to the rest wherever the gap is not much wider than where it is narrowest."""
     inside, outside = np.flatnonzero(label == piece), np.flatnonzero(label != piece)
-    distance, nearest = cKDTree(points[outside]).query(points[inside])
+    distance, nearest = KDTree(points[outside]).query(points[inside])
     chosen = distance <= 1.5 * distance.min()
     return np.column_stack([inside[chosen], outside[nearest[chosen]]])
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError, cKDTree
+from scipy.spatial import ConvexHull, KDTree, QhullError
 
 from scan2nurbs.errors import NoResultError
 from scan2nurbs.surfaces.nodes import Nodes, make_nodes
@@ -101,13 +101,10 @@ def _tubes(nodes: Nodes, points: NDArray[np.float64]) -> Iterator[tuple[Quality,
         return
     quality, map_, jacobian = best
     uv = carry(nodes, map_.uv, jacobian, points, map_.period)
-    low, high = map_.uv[:, 1].min() - 0.5 * nodes.spacing, map_.uv[:, 1].max() + 0.5 * nodes.spacing
-    margin = 2.0 * nodes.spacing + 0.02 * (high - low)
-    v = np.clip(uv[:, 1], low - margin, high + margin)
-    low, high = min(low, v.min()), max(high, v.max())
+    low, high = _range(nodes, map_.uv[:, 1], uv[:, 1])
     shift = np.array([0.0, low])
-    around_ = np.stack([np.mod(uv[:, 0], map_.period), v], axis=1) - shift
-    size = (map_.period, float(high - low))
+    around_ = np.stack([np.mod(uv[:, 0], map_.period), np.clip(uv[:, 1], low, high)], axis=1) - shift
+    size = (map_.period, high - low)
     yield quality, Parameters("tube", around_, size, True, nodes, map_.uv - shift)
 
 
@@ -152,7 +149,7 @@ def _height_direction(nodes: Nodes, axes: NDArray[np.float64]) -> NDArray[np.flo
     for normal in candidates:
         slope = nodes.normals @ normal
         slope = slope if slope.sum() > 0 else -slope
-        if np.quantile(slope, _OUTLIERS) < _FLATTEST_COSINE:
+        if np.quantile(slope, 3 * _OUTLIERS) < _FLATTEST_COSINE:
             continue
         first = np.cross(np.cross(normal, axes[:, 2]), normal)
         if np.linalg.norm(first) < 1e-3:
@@ -167,22 +164,26 @@ def _height_direction(nodes: Nodes, axes: NDArray[np.float64]) -> NDArray[np.flo
 def overlap(nodes: Nodes, uv: NDArray[np.float64], period: float = 0.0) -> float:
     """Return the fraction of nodes that have a neighbour in the parameters which is far away in space."""
     k = min(5, len(uv))
-    distance, near = cKDTree(uv, boxsize=[period * (1 + 1e-9), 0.0]).query(uv, k=k)
+    distance, near = KDTree(uv, boxsize=[period * (1 + 1e-9), 0.0]).query(uv, k=k)
     space = np.linalg.norm(nodes.points[near] - nodes.points[:, None], axis=2)
     return float(np.mean((space > 3.0 * distance + 2.0 * nodes.spacing).any(axis=1)))
 
 
 def _finish(name: str, nodes: Nodes, node_uv: NDArray[np.float64], uv: NDArray[np.float64]) -> Parameters:
-    """Turn the parameters into the smallest rectangle around them, with a margin of one spacing, the long side along u."""
+    """Turn the parameters into the smallest rectangle around them, with a margin of half a spacing, the long side along u."""
     turn = smallest_rectangle(node_uv)
     uv, node_uv = uv @ turn.T, node_uv @ turn.T
-    # Outliers must not stretch the rectangle: what lies far from all nodes is pushed to its border.
-    low, high = node_uv.min(axis=0), node_uv.max(axis=0)
-    margin = 2.0 * nodes.spacing + 0.02 * (high - low)
-    near = np.clip(uv, low - margin, high + margin)
-    low, high = near.min(axis=0) - 0.5 * nodes.spacing, near.max(axis=0) + 0.5 * nodes.spacing
+    low, high = np.array([_range(nodes, node_uv[:, k], uv[:, k]) for k in (0, 1)]).T
     size = high - low
-    return Parameters(name, near - low, (float(size[0]), float(size[1])), False, nodes, node_uv - low)
+    return Parameters(name, np.clip(uv, low, high) - low, (float(size[0]), float(size[1])), False, nodes, node_uv - low)
+
+
+def _range(nodes: Nodes, node_x: NDArray[np.float64], x: NDArray[np.float64]) -> tuple[float, float]:
+    """Return the range of a parameter that is not stretched by outliers: points neither isolated nor far from all nodes count."""
+    reach = 2.0 * float(np.median(nodes.lengths))
+    counts = x[nodes.dense & (x >= node_x.min() - reach) & (x <= node_x.max() + reach)]
+    margin = 0.5 * nodes.spacing
+    return float(min(node_x.min(), counts.min())) - margin, float(max(node_x.max(), counts.max())) + margin
 
 
 def smallest_rectangle(uv: NDArray[np.float64]) -> NDArray[np.float64]:

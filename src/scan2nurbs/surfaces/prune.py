@@ -31,7 +31,10 @@ def prune(spline: Spline, points_weight: float, noise: float, fit_without: Check
     """
     share = 1.0
     for _ in range(_TRIES):
-        costs = [removal_costs(spline.u, spline.v, spline.control, points_weight), removal_costs(spline.v, spline.u, spline.control.transpose(1, 0, 2), points_weight)]
+        costs = [
+            removal_costs(spline.u, spline.v, spline.control, points_weight),
+            removal_costs(spline.v, spline.u, spline.control.transpose(1, 0, 2), points_weight),
+        ]
         limits = [4.0 * noise**2 * spline.v.n, 4.0 * noise**2 * spline.u.n]
         chosen = [_apart(cost, limit) for cost, limit in zip(costs, limits, strict=True)]
         ranked = sorted((costs[side][k] / limits[side], side, k) for side in (0, 1) for k in chosen[side])

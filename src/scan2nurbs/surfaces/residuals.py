@@ -11,7 +11,7 @@ from scipy.stats import chi2
 from scan2nurbs.surfaces.axis import Axis
 
 _BLOCK = 30
-_TUKEY = 6.0
+_TUKEY = 5.0
 _SIGNIFICANCE = 0.01
 
 
@@ -29,6 +29,7 @@ def weigh(
     normal: NDArray[np.float64],
     whole: NDArray[np.float64],
     floor: float,
+    lenience: float = np.inf,
 ) -> Weighing:
     """Weigh points by how far their residuals lie from their neighbours' median (Tukey's biweight, scale from the MAD).
 
@@ -42,13 +43,19 @@ def weigh(
         Distances along the normal (signed) and in space.
     floor : float
         The scale is taken no smaller than this.
+    lenience : float
+        By how much a block whose own deviations are large may raise the scale.
     """
     block = _blocks(uv, size, len(uv) / _BLOCK)
-    deviation = normal - _block_medians(block, normal)[block]
+    # A few points are no neighbourhood: outliers alone in an empty corner must not vouch for each other.
+    many = np.bincount(block) >= _BLOCK // 4
+    deviation = normal - np.where(many, _block_medians(block, normal), 0.0)[block]
     # The median of 30 takes away a part of the noise; π / 2 is the variance of a median relative to a mean's.
     noise = 1.4826 * float(np.median(np.abs(deviation))) / np.sqrt(1.0 - np.pi / 2.0 / _BLOCK)
     # Where the surface does not follow yet, the deviations of a whole block are large; a minority in it are outliers all the same.
-    scale = np.maximum(1.4826 * _block_medians(block, np.abs(deviation)), max(noise, floor))[block]
+    local = np.where(many, 1.4826 * _block_medians(block, np.abs(deviation)), 0.0)
+    usual = max(noise, floor)
+    scale = np.clip(local, usual, max(usual, lenience * noise))[block]
     beside = np.maximum(whole**2 - normal**2, 0.0)
     x = np.sqrt(deviation**2 + beside) / (_TUKEY * scale)
     return Weighing(np.where(x < 1.0, (1.0 - np.minimum(x, 1.0) ** 2) ** 2, 0.0), noise)
@@ -84,8 +91,9 @@ def systematic(
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Mark the spans of u and of v whose residuals are not noise.
 
-    Each span is cut along one direction in 2 (degree + 1) pieces, twice as many as a polynomial piece has waves left. Were the residuals noise, the spread of the pieces' means, Σ n · (mean − mean of all)²
-    / σ², would follow a chi-squared law; it is tested for every cell of the net, every strip, and the whole, and what is significant and larger than its
+    Each span is cut along one direction in 2 (degree + 1) pieces, twice as many as a polynomial piece has waves left. Were the residuals
+    noise, the spread of the pieces' means, Σ n · (mean − mean of all)² / σ², would follow a chi-squared law; it is tested for every cell
+    of the net, every strip, and the whole, and what is significant and larger than its
     share of the tolerance (1, 1/2, 1/4 of it, as the root of the mean square) asks for a knot in that direction.
     """
     return (
@@ -120,7 +128,8 @@ def _marks(
     sums = square.sum(axis=1), freedom.sum(axis=1), count.sum(axis=1)
     strips = _asks(*sums, noise, 0.5 * tolerance)
     marks = cells | strips
-    if not marks.any() and _asks(*(np.atleast_1d(a.sum()) for a in sums), noise, 0.25 * tolerance)[0]:
+    square, freedom, count = (a.sum(keepdims=True) for a in sums)
+    if not marks.any() and _asks(square, freedom, count, noise, 0.25 * tolerance)[0]:
         excess = sums[0] - sums[1] * noise**2
         marks = excess >= 0.5 * excess.max()
     return marks

@@ -49,7 +49,20 @@ class Spline:
 
         def work(start: int, stop: int) -> None:
             foot_points_range(
-                a.knots, b.knots, a.degree, b.degree, a.closed, b.closed, self.control, points, steps, self.reach, start, stop, uv, residuals
+                a.knots,
+                b.knots,
+                a.degree,
+                b.degree,
+                a.closed,
+                b.closed,
+                self.control,
+                points,
+                steps,
+                self.reach,
+                start,
+                stop,
+                uv,
+                residuals,
             )
 
         run_ranges(work, len(points), size=_FOOT_RANGE)
@@ -207,7 +220,9 @@ def solve_banded(u: Axis, v: Axis, matrix: NDArray[np.float64], right: NDArray[n
     flat = np.empty((n_u * n_v, 3))
     flat[place.ravel()] = right.reshape(-1, 3)
     try:
-        solution = cho_solve_banded((cholesky_banded(band, lower=True, overwrite_ab=True, check_finite=False), True), flat, check_finite=False)
+        solution = cho_solve_banded(
+            (cholesky_banded(band, lower=True, overwrite_ab=True, check_finite=False), True), flat, check_finite=False
+        )
     except LinAlgError as error:
         raise NoResultError("The points do not determine a surface: the least-squares system is singular.") from error
     if not np.isfinite(solution).all():

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array, diags_array
 from scipy.sparse.csgraph import dijkstra
 from scipy.sparse.linalg import splu
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from scan2nurbs.surfaces.nodes import Nodes
 
@@ -67,7 +67,11 @@ def flatten(nodes: Nodes, uv: NDArray[np.float64], period: NDArray[np.float64] |
     jump = jump if _mean_turn(flat, uv, i, j, jump) > 0 else jump * [1.0, -1.0]
     laplacian = csr_array((-2.0 * weight, (i, j)), shape=(n, n))
     laplacian = diags_array(-np.asarray(laplacian.sum(axis=1)).ravel()) + laplacian
-    solver = splu((laplacian + diags_array(np.r_[weight.mean(), np.zeros(n - 1)])).tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+    solver = splu(
+        (laplacian + diags_array(np.r_[weight.mean(), np.zeros(n - 1)])).tocsc(),
+        permc_spec="MMD_AT_PLUS_A",
+        options={"SymmetricMode": True},
+    )
     for _ in range(_ROUNDS):
         step = uv[j] - uv[i] + jump
         # The best rotation of one plane is the angle of a complex sum.
@@ -107,7 +111,9 @@ def jacobians(nodes: Nodes, uv: NDArray[np.float64], jump: NDArray[np.float64] |
     return cross @ np.linalg.inv(gram)
 
 
-def carry(nodes: Nodes, uv: NDArray[np.float64], jacobian: NDArray[np.float64], points: NDArray[np.float64], around: float = 0.0) -> NDArray[np.float64]:
+def carry(
+    nodes: Nodes, uv: NDArray[np.float64], jacobian: NDArray[np.float64], points: NDArray[np.float64], around: float = 0.0
+) -> NDArray[np.float64]:
     """Return the parameters (N, 2) of points from those of the nearest nodes on the same sheet, each continued by its jacobian.
 
     Parameters
@@ -116,7 +122,7 @@ def carry(nodes: Nodes, uv: NDArray[np.float64], jacobian: NDArray[np.float64], 
         Period of u where it runs around a tube, else 0.
     """
     k = min(_CARRIERS, len(uv))
-    distance, near = cKDTree(nodes.points).query(points, k=k)
+    distance, near = KDTree(nodes.points).query(points, k=k)
     distance, near = distance.reshape(-1, k), near.reshape(-1, k)
     d = points[:, None] - nodes.points[near]
     local = np.einsum("nkci,nki->nkc", nodes.frames[near], d)
@@ -134,7 +140,9 @@ def carry(nodes: Nodes, uv: NDArray[np.float64], jacobian: NDArray[np.float64], 
     return (guess * weight[..., None]).sum(axis=1) / weight.sum(axis=1, keepdims=True)
 
 
-def _mean_turn(flat: NDArray[np.float64], uv: NDArray[np.float64], i: NDArray[np.int64], j: NDArray[np.int64], jump: NDArray[np.float64]) -> float:
+def _mean_turn(
+    flat: NDArray[np.float64], uv: NDArray[np.float64], i: NDArray[np.int64], j: NDArray[np.int64], jump: NDArray[np.float64]
+) -> float:
     """Return the sum of the determinants of the neighbourhoods' maps: positive where most are not mirrored."""
     step, n = uv[j] - uv[i] + jump, len(uv)
     cross = [np.bincount(i, step[:, a] * flat[:, b], n) for a in range(2) for b in range(2)]
