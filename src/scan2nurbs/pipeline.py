@@ -168,7 +168,7 @@ def reconstruct_surface(
     with watch("trim"):
         trim = trim_region(cloud.points, scale, fitted, fit, boundary.points)
         loops = [Loop(loop.uv, loop.closed) for loop in trim.loops]
-        face = trimmed_face(fit.surface, loops, tolerance=max(0.5 * scale.h, 2.0 * scale.noise))
+        face = trimmed_face(trim.surface, loops, tolerance=max(0.5 * scale.h, 2.0 * scale.noise))
     model = SurfaceModel(cloud, scale, edges, boundary, region, fit, fitted, trim.inside, trim, face, {})
     return replace(model, report=surface_report(model, params, watch.seconds))
 

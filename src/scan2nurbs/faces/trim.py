@@ -12,6 +12,8 @@ from scan2nurbs.edges.corrections import in_polygon
 from scan2nurbs.faces.outline import Outline, OutlineParams, find_outline
 from scan2nurbs.kernels.runner import thread_count
 from scan2nurbs.scale import Scale
+from scan2nurbs.surfaces.bspline import BSplineSurface
+from scan2nurbs.surfaces.extend import extend
 from scan2nurbs.surfaces.fit import SurfaceFit
 from scan2nurbs.surfaces.project import FootPoints, foot_points
 
@@ -44,6 +46,8 @@ class Trim:
 
     Attributes
     ----------
+    surface : BSplineSurface
+        The fitted surface, extended as far as the outline reaches.
     loops : tuple of TrimLoop
         The outer loop first.
     inside : (N,) bool
@@ -52,6 +56,7 @@ class Trim:
         The same loops, in lengths on the surface.
     """
 
+    surface: BSplineSurface
     loops: tuple[TrimLoop, ...]
     inside: NDArray[np.bool_]
     outline: Outline
@@ -90,7 +95,10 @@ def trim_region(
     uv, counted = fit.uv[used], points[fitted[used]]
     tree = KDTree(counted)
     lengths = _lengths(fit, uv)
-    near_edge, _ = _stand(fit, tree, uv, boundary, REACH * scale.h)
+    # Edges lie up to a band's width outside the fitted points.
+    low, high = uv.min(axis=0) - REACH * scale.h / lengths, uv.max(axis=0) + REACH * scale.h / lengths
+    wide = extend(fit.surface, low, high)
+    near_edge, _ = _stand(wide, tree, uv, boundary, REACH * scale.h)
     on_surface = near_edge.distance <= scale.h + 3.0 * scale.noise
     outline = find_outline(
         uv * lengths,
@@ -102,7 +110,10 @@ def trim_region(
     loops = tuple(TrimLoop(loop.points / lengths, not np.any(loop.shift), loop.corners) for loop in outline.loops)
     inside = np.zeros(len(points), bool)
     inside[fitted[used]] = True
-    return Trim(loops=loops, inside=inside | _up_to(loops, points, inside, fit, tree, uv, scale), outline=outline)
+    inside |= _up_to(loops, points, inside, wide, tree, uv, 3.0 * max(scale.noise, fit.rms, 1e-3 * scale.h), REACH * scale.h)
+    every = np.concatenate([loop.uv for loop in loops])
+    spare = 0.1 * scale.h / lengths
+    return Trim(extend(fit.surface, every.min(axis=0) - spare, every.max(axis=0) + spare), loops, inside, outline)
 
 
 def _lengths(fit: SurfaceFit, uv: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -113,27 +124,28 @@ def _lengths(fit: SurfaceFit, uv: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _stand(
-    fit: SurfaceFit, tree: KDTree, uv: NDArray[np.float64], points: NDArray[np.float64], reach: float
+    surface: BSplineSurface, tree: KDTree, uv: NDArray[np.float64], points: NDArray[np.float64], reach: float
 ) -> tuple[FootPoints, NDArray[np.int64]]:
     """Put the points within reach of a fitted one onto the surface; return their foot points and which they are."""
     distance, nearest = tree.query(points, distance_upper_bound=reach, workers=thread_count())
     near = np.flatnonzero(np.isfinite(distance))
-    return foot_points(fit.surface, points[near], uv[np.asarray(nearest)[near]]), near
+    return foot_points(surface, points[near], uv[np.asarray(nearest)[near]]), near
 
 
 def _up_to(
     loops: tuple[TrimLoop, ...],
     points: NDArray[np.float64],
     inside: NDArray[np.bool_],
-    fit: SurfaceFit,
+    surface: BSplineSurface,
     tree: KDTree,
     uv: NDArray[np.float64],
-    scale: Scale,
+    height: float,
+    reach: float,
 ) -> NDArray[np.bool_]:
     """Find the points between the fitted ones and the outline that lie on the surface."""
     others = np.flatnonzero(~inside)
-    feet, near = _stand(fit, tree, uv, points[others], REACH * scale.h)
-    on = feet.distance <= 3.0 * max(scale.noise, fit.rms, 1e-3 * scale.h)
+    feet, near = _stand(surface, tree, uv, points[others], reach)
+    on = feet.distance <= height
     others, at = others[near[on]], feet.uv[on]
     within = np.zeros(len(at), bool)
     if all(loop.closed for loop in loops):
