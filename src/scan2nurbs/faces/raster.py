@@ -56,7 +56,11 @@ class Raster:
 
     def closing(self, radius: Array) -> tuple[Array, Array]:
         """Return how deep each cell lies inside the closed set (negative outside), and its distance to the nearest point."""
-        row, column = ndimage.distance_transform_edt(self.count == 0, sampling=self.cell[::-1], return_distances=False, return_indices=True)
+        place = np.zeros((2, *self.shape), np.int32)
+        ndimage.distance_transform_edt(
+            self.count == 0, sampling=self.cell[::-1], return_distances=False, return_indices=True, indices=place
+        )
+        row, column = place
         void = np.hypot(self.mean_x[row, column] - self.x[None, :], self.mean_y[row, column] - self.y[:, None])
         rim = rim_points(radius - void, self.low, self.cell)
         inside = void < radius

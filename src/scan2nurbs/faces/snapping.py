@@ -42,7 +42,9 @@ class _Side(NamedTuple):
     shift: Array
 
 
-def snap_contour(rough: Array, shift: Array, *, h: float, margin: Array, creases: Creases, corner_angle: float) -> tuple[Array, Rows, Mask]:
+def snap_contour(
+    rough: Array, shift: Array, *, h: float, margin: Array, creases: Creases, corner_angle: float, stiffness: float = 1.0
+) -> tuple[Array, Rows, Mask]:
     """Draw a contour onto its creases, or outwards by a margin where there are none.
 
     Parameters
