@@ -158,6 +158,26 @@ def test_overlap_is_kept_or_thinned():
     assert ((kept.normal @ directions.T).argmax(axis=1) == kept.view).mean() < 0.8
 
 
+def test_edges_are_measured_no_denser_than_faces():
+    made = scan(tessellate(block((0, 100), (0, 80), (0, 60))), n_points=40_000, noise=0)
+    h = made.spacing
+    assert h == pytest.approx(np.sqrt(2 * (8000 + 6000 + 4800) / 40_000), rel=0.02)
+    to_sides = np.minimum(made.clean, [100, 80, 60] - made.clean)
+    to_edge = np.sort(to_sides, axis=1)[:, 1]  # the smallest is the distance to the point's own face, zero
+    for near, far in ((0, 1), (1, 2)):
+        band = 4 * sum(2 * (far - near) * h * side for side in (100, 80, 60))
+        assert ((to_edge >= near * h) & (to_edge < far * h)).sum() * h**2 / band == pytest.approx(1.0, abs=0.12)
+
+
+def test_a_sheet_is_measured_once_from_all_around():
+    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
+    from OCP.gp import gp_Dir, gp_Pln
+
+    sheet = tessellate(BRepBuilderAPI_MakeFace(gp_Pln(gp_Pnt(0, 0, 0), gp_Dir(0, 0, 1)), 0, 10, 0, 10).Face())
+    assert scan(sheet).spacing == pytest.approx(np.sqrt(100 / 4000), rel=0.03)
+    assert scan(sheet, parallax=20.0).spacing == pytest.approx(np.sqrt(100 / 4000), rel=0.03)
+
+
 def test_holes_are_empty_and_have_their_size():
     made = scan(sphere(), n_points=10_000, holes=3, hole_radius=12.0, noise=0)
     reference = scan(sphere(), n_points=10_000, noise=0).clean

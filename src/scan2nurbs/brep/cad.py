@@ -34,6 +34,8 @@ class CadFace:
         "Plane", "Cylinder", "Cone", "Sphere", "Torus", "BSplineSurface", … as the CAD kernel names it.
     sign : float
         +1 where the outward normal is S_u × S_v, −1 where the face is reversed.
+    solid : bool
+        Whether it bounds a solid, so that it is seen from outside only.
     stretch : float
         Median of |S_u × S_v| over its triangles: against it a pole of the surface shows.
     evaluate : callable
@@ -42,6 +44,7 @@ class CadFace:
 
     type: str
     sign: float
+    solid: bool
     stretch: float
     evaluate: Evaluator = field(repr=False, compare=False)
 
@@ -193,7 +196,7 @@ def tessellate(shape: Any, *, deflection: float | None = None, source: str = "sh
     """
     from OCP.BRepAdaptor import BRepAdaptor_Surface
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
-    from OCP.TopAbs import TopAbs_REVERSED
+    from OCP.TopAbs import TopAbs_FACE, TopAbs_REVERSED, TopAbs_SOLID
 
     path = None if source == "shape" else source
     topo_faces = [] if shape is None or shape.IsNull() else _faces_of(shape)
@@ -203,13 +206,14 @@ def tessellate(shape: Any, *, deflection: float | None = None, source: str = "sh
         deflection = _DEFLECTION * float(np.sqrt(_area_of(shape)))
     # A finer mesh that another call left on the shape is used as it is.
     BRepMesh_IncrementalMesh(shape, max(deflection, 1e-7), False, _ANGLE, True)
+    of_solids = _map_of(shape, TopAbs_SOLID, TopAbs_FACE)
     faces, pieces = [], []
     for index, topo in enumerate(topo_faces):
         adaptor = BRepAdaptor_Surface(topo)
         sign = -1.0 if topo.Orientation() == TopAbs_REVERSED else 1.0
         corners, uv = _triangles_of(topo, reverse=sign < 0)
         evaluate = evaluator(adaptor)
-        face = CadFace(adaptor.GetType().name.removeprefix("GeomAbs_"), sign, _stretch(evaluate, uv), evaluate)
+        face = CadFace(adaptor.GetType().name.removeprefix("GeomAbs_"), sign, of_solids.Contains(topo), _stretch(evaluate, uv), evaluate)
         _, normals = _on_surface(face, uv.reshape(-1, 2), np.repeat(uv.mean(axis=1), 3, axis=0))
         faces.append(face)
         pieces.append((corners, uv, normals.reshape(-1, 3, 3), np.full(len(corners), index, np.int32)))
@@ -287,14 +291,26 @@ def _damage(path: Path, kind: str) -> Iterator[None]:
 
 
 def _faces_of(shape: Any) -> list[Any]:
-    from OCP.collections import IndexedMap_TopoDS_Shape_TopTools_ShapeMapHasher as ShapeMap
     from OCP.TopAbs import TopAbs_FACE
-    from OCP.TopExp import TopExp
     from OCP.TopoDS import TopoDS
 
-    found = ShapeMap()
-    TopExp.MapShapes_s(shape, TopAbs_FACE, found)
+    found = _map_of(shape, None, TopAbs_FACE)
     return [TopoDS.Face(found.FindKey(i + 1)) for i in range(found.Extent())]
+
+
+def _map_of(shape: Any, owner: Any, kind: Any) -> Any:
+    """Return the distinct sub-shapes of a kind, in the model's order; only those of owners of another kind, if one is given."""
+    from OCP.collections import IndexedMap_TopoDS_Shape_TopTools_ShapeMapHasher as ShapeMap
+    from OCP.TopExp import TopExp
+
+    owners, found = ShapeMap(), ShapeMap()
+    if owner is None:
+        TopExp.MapShapes_s(shape, kind, found)
+        return found
+    TopExp.MapShapes_s(shape, owner, owners)
+    for i in range(owners.Extent()):
+        TopExp.MapShapes_s(owners.FindKey(i + 1), kind, found)
+    return found
 
 
 def _area_of(shape: Any) -> float:

@@ -170,29 +170,26 @@ def lit(
     depth: NDArray[np.float32],
     pitch: float,
 ) -> bool:
-    """Tell whether a view surely sees a point: whether it lies no deeper than any of the four rays around it.
+    """Tell whether a view sees a point: whether it lies no deeper than what the ray of its pixel meets.
 
-    Where a ray passes between the point and a border of what hides it, the answer is no. `slope` is the tangent of the incidence, which
-    says how far depth may differ between the point and those rays.
+    Along a border the answer errs by up to half a pixel, to either side alike. `slope` is the tangent of the incidence, which says how
+    far the depth may differ between the point and that ray.
     """
     x = (frames[view, 0, 0] * point[0] + frames[view, 0, 1] * point[1] + frames[view, 0, 2] * point[2] - low[view, 0]) / pitch
     y = (frames[view, 1, 0] * point[0] + frames[view, 1, 1] * point[1] + frames[view, 1, 2] * point[2] - low[view, 1]) / pitch
     z = -(frames[view, 2, 0] * point[0] + frames[view, 2, 1] * point[1] + frames[view, 2, 2] * point[2])
-    column, row = math.floor(x - 0.5), math.floor(y - 0.5)
-    if row < 0 or column < 0 or row + 1 >= shape[view, 0] or column + 1 >= shape[view, 1]:
+    column, row = math.floor(x), math.floor(y)
+    if row < 0 or column < 0 or row >= shape[view, 0] or column >= shape[view, 1]:
         return False
-    reach = z - pitch * (2.0 * slope + 0.5)
-    for i in range(2):
-        for j in range(2):
-            if not reach <= depth[offset[view] + (row + i) * shape[view, 1] + column + j] < np.inf:
-                return False
-    return True
+    # A ray strays from the middle of its pixel, and the point too: up to a pixel apart in both directions.
+    return z - pitch * (1.5 * slope + 0.5) <= depth[offset[view] + row * shape[view, 1] + column] < np.inf
 
 
 @kernel
 def measured_range(
     points: NDArray[np.float64],
     normals: NDArray[np.float64],
+    sheet: NDArray[np.bool_],
     view: int,
     limit: float,
     eyes: int,
@@ -214,6 +211,8 @@ def measured_range(
     ----------
     points, normals : (N, 3) float64
         The normals point to the side that the eye sees.
+    sheet : (N,) bool
+        Whether a point lies on a face with nothing behind it, so that a view from the other side measures the same place.
     view : int
         The view that sees them.
     limit : float
@@ -235,12 +234,15 @@ def measured_range(
         if taken and thin:
             for other in range(eyes):
                 cosine = _cosine(normals[k], frames[other])
+                if sheet[k]:
+                    cosine = abs(cosine)
                 if other == view or cosine < own or (cosine == own and other > view):
                     continue
                 if not lit(points[k], _slope(cosine), other, frames, low, shape, offset, depth, pitch):
                     continue
                 if projectors:
-                    cosine = _cosine(normals[k], frames[eyes + other])
+                    facing = math.copysign(1.0, _cosine(normals[k], frames[other]))
+                    cosine = facing * _cosine(normals[k], frames[eyes + other])
                     if cosine <= 0.02 or not lit(points[k], _slope(cosine), eyes + other, frames, low, shape, offset, depth, pitch):
                         continue
                 taken = False

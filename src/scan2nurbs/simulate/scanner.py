@@ -54,7 +54,7 @@ def scan_views(part: CadPart, pitch: float, params: SimulateParams) -> Samples:
     frames = np.stack([view_frame(d) for d in (*directions, *projectors)])
     maps = _render(corners, frames, eyes, pitch, params)
     rng = np.random.default_rng([params.seed, 1])
-    return Samples.join([_measure(corners, part.normals, maps, view, eyes, params, rng) for view in range(eyes)])
+    return Samples.join([_measure(part, corners, maps, view, eyes, params, rng) for view in range(eyes)])
 
 
 def _render(corners: NDArray[np.float64], frames: NDArray[np.float64], eyes: int, pitch: float, params: SimulateParams) -> _Maps:
@@ -96,8 +96,8 @@ def _ray_seed(params: SimulateParams, view: int) -> int:
 
 
 def _measure(
+    part: CadPart,
     corners: NDArray[np.float64],
-    normals: NDArray[np.float64],
     maps: _Maps,
     view: int,
     eyes: int,
@@ -116,7 +116,7 @@ def _measure(
         weights_range(flat, seed, params.jitter, columns, pixel, triangle, start, stop, weight)
 
     run_ranges(weigh, len(pixel), size=_RANGE)
-    side = np.einsum("nkc,nk->nc", normals[triangle], weight)
+    side = np.einsum("nkc,nk->nc", part.normals[triangle], weight)
     side /= np.linalg.norm(side, axis=1, keepdims=True)
     cosine = side @ maps.frames[view, 2]
     # An open shell shows its inside too: the scanner measures whichever side it sees.
@@ -125,12 +125,13 @@ def _measure(
     kept = _by_incidence(cosine, params, rng)
     triangle, weight, side, cosine = triangle[kept], weight[kept], side[kept], cosine[kept]
     points, measured = np.einsum("nkc,nk->nc", corners[triangle], weight), np.empty(len(triangle), np.bool_)
+    sheet = np.array([not face.solid for face in part.faces])[part.face[triangle]]
     limit = math.cos(math.radians(params.grazing_limit))
     fields = (maps.frames, maps.low, maps.shape, maps.offset, maps.depth, maps.pitch)
 
     def decide(start: int, stop: int) -> None:
         thin, projectors = params.overlap == "thin", len(maps.frames) > eyes
-        measured_range(points, side, view, limit, eyes, projectors, thin, *fields, start, stop, measured)
+        measured_range(points, side, sheet, view, limit, eyes, projectors, thin, *fields, start, stop, measured)
 
     run_ranges(decide, len(points), size=_RANGE)
     count = int(measured.sum())
