@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 import io_samples as samples
 from io_samples import NAMES
+from scan2nurbs.errors import InputError
 from scan2nurbs.io import FORMATS, read_scan
 from scan2nurbs.io.lzf import unpack_lzf
 
@@ -93,6 +94,22 @@ def test_ply_with_lists_among_the_vertex_properties(order, lengths, read):
     assert np.array_equal(read(head.encode() + rows).points, XYZ[:5])
 
 
+def test_ascii_ply_with_lists_before_the_coordinates(read):
+    head = b"ply\nformat ascii 1.0\nelement vertex 3\nproperty list uchar int i\nproperty float x\nproperty float y\n"
+    head += b"property list uchar int j\nproperty float z\nend_header\n"
+    assert np.array_equal(read(head + b"2 8 8 1 2 0 3\n0 4 5 1 9 6\n1 8 7 8 2 9 9 9\n").points, [[1, 2, 3], [4, 5, 6], [7, 8, 9]])
+    for row, message in [
+        (b"2 8 8 1 2 0", "6 columns instead of 7"),
+        (b"99 1 2 0 3", "no length"),
+        (b"-1 1 2 0 3", "no length"),
+        (b"0 a 2 0 3", "'a'"),
+    ]:
+        with pytest.raises(InputError, match=message):
+            read(head + b"0 1 2 0 3\n" + row + b"\n")
+    with pytest.raises(InputError, match="declares 3 vertices, the payload ends after 1"):
+        read(head + b"0 1 2 0 3\n")
+
+
 @pytest.mark.parametrize("sizes", [(3, 3, 3), (3, 5, 4)])
 def test_ply_with_the_faces_before_the_vertices(sizes, read):
     faces = b"".join(struct.pack(f"<B{n}i", n, *range(n)) for n in sizes)
@@ -114,6 +131,9 @@ def test_ply_with_integer_coordinates(read):
         ("comment SOLIDWORKS generated,length unit = meters", "m"),
         ("comment unit: mm", "mm"),
         ("obj_info units inch", "in"),
+        ("comment units in mm", "mm"),
+        ("comment unit: in", "in"),
+        ("comment the unit is metres", "m"),
         ("comment Units = Millimetres", "mm"),
         ("comment one unit of work", None),
         ("comment made by hand in mm or so", None),
@@ -185,6 +205,14 @@ def test_obj_vertices_with_weights_and_colours(extra, read):
 def test_off_variants(keyword, extra, width, read):
     assert np.array_equal(read(samples.off(XYZ, keyword, extra)).points, XYZ)
     assert np.array_equal(read(samples.off_binary(XYZ, keyword, width)).points, XYZ)
+
+
+def test_off_without_its_keyword(read):
+    assert np.array_equal(read(samples.off(XYZ).replace(b"OFF\n", b""), ".off").points, XYZ)
+
+
+def test_obj_that_begins_with_an_unknown_statement(read):
+    assert np.array_equal(read(b"call a b\n" + samples.obj(XYZ)).points, XYZ)
 
 
 def test_off_with_the_counts_beside_the_keyword(read):

@@ -125,10 +125,9 @@ def test_nothing_is_left_of_a_failure(error, existed, tmp_path):
     target = tmp_path / "part.step"
     if existed:
         target.write_text("old")
-    with pytest.raises(error):  # noqa: PT012 - the block is what is interrupted
-        with atomic_path(target) as temporary:
-            temporary.write_text("half of it")
-            raise error
+    with pytest.raises(error), atomic_path(target) as temporary:  # noqa: PT012 - the block is what is interrupted
+        temporary.write_text("half of it")
+        raise error
     assert [path.name for path in tmp_path.iterdir()] == ["part.step"] * existed
     if existed:
         assert target.read_text() == "old"

@@ -18,7 +18,7 @@ from scan2nurbs.io.foreign import is_npz, name_foreign
 from scan2nurbs.io.las import read_las
 from scan2nurbs.io.npy import read_npy, read_npz
 from scan2nurbs.io.obj import is_obj, read_obj
-from scan2nurbs.io.off import is_off, read_off
+from scan2nurbs.io.off import is_bare_off, is_off, read_off
 from scan2nurbs.io.pcd import is_pcd, read_pcd
 from scan2nurbs.io.ply import is_ply, read_ply
 from scan2nurbs.io.scan import Scan
@@ -116,6 +116,8 @@ def _choose(source: Source) -> Format:
     expected = next((candidate for candidate in FORMATS if source.suffix in candidate.suffixes), None)
     if expected is not None and expected.name == "STL" and not is_text(head):
         return expected  # a binary STL file that is truncated or has a tail: its reader says which
+    if expected is not None and expected.name == "OFF" and is_bare_off(head):
+        return expected
     if is_text(head):
         if expected is not None and not any(byte in head for byte in b"0123456789"):
             raise source.fault(f"The suffix says {expected.name}, but the content is no {expected.name} and no table of points.")

@@ -9,10 +9,13 @@ from scan2nurbs.io.scan import Scan
 from scan2nurbs.io.source import Source
 
 _STATEMENT = re.compile(rb"(v|vn|vt|vp|f|l|p|o|g|s|mtllib|usemtl|cstype|deg)(\s|$)")
+_VERTEX = re.compile(rb"^v[ \t]+[-+.\d]", re.MULTILINE)
 
 
 def is_obj(head: bytes) -> bool:
-    """Tell whether the first line that is no comment is a statement of OBJ."""
+    """Tell whether the first line that is no comment is a statement of OBJ, or any line a vertex."""
+    if _VERTEX.search(head):
+        return True
     for line in head.splitlines():
         body = line.split(b"#", 1)[0].strip()
         if body:

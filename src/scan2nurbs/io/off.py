@@ -19,6 +19,12 @@ def is_off(head: bytes) -> bool:
     return _KEYWORD.match(_first_statement(head)) is not None
 
 
+def is_bare_off(head: bytes) -> bool:
+    """Tell whether a file begins with three counts, as OFF without its keyword does; so may a table of points."""
+    words = _first_statement(head).split()
+    return len(words) == 3 and all(word.isdigit() for word in words)
+
+
 def read_off(source: Source) -> Scan:
     """Read the vertices of an OFF file; normals, colours and texture coordinates are passed over.
 
@@ -31,7 +37,7 @@ def read_off(source: Source) -> Scan:
     start, line, body = _next_statement(source, 0, 1)
     keyword = _KEYWORD.match(body)
     if keyword is None:
-        raise source.fault(f"An OFF file begins with 'OFF', not {show(body)}.", 1)
+        return _read_text(source, "OFF", start, line, body)
     if keyword[4] or keyword[5]:
         raise source.fault(f"OFF files with points that are not three-dimensional ({keyword[0].decode()}) cannot be read.", line)
     rest = body[keyword.end() :].split()
@@ -40,12 +46,17 @@ def read_off(source: Source) -> Scan:
     if not rest:
         start, line, body = _next_statement(source, start, line)
         rest = body.split()
+    return _read_text(source, keyword[0].decode(), start, line, b" ".join(rest))
+
+
+def _read_text(source: Source, keyword: str, start: int, line: int, counts: bytes) -> Scan:
+    rest = counts.split()
     if not rest or len(rest) > 3 or not all(word.isdigit() and len(word) < 19 for word in rest):
-        raise source.fault(f"Line {line - 1}: an OFF header counts vertices, faces and edges, not {show(body)}.", line - 1)
+        raise source.fault(f"Line {line - 1}: an OFF header counts vertices, faces and edges, not {show(counts)}.", line - 1)
     if int(rest[0]) == 0:
         raise source.fault("The OFF header declares 0 vertices.", line - 1)
     points = read_rows(source, start, line, Layout(), n_rows=int(rest[0]), what="vertices")
-    return Scan(points, None, f"{keyword[0].decode()} (ascii)")
+    return Scan(points, None, f"{keyword} (ascii)")
 
 
 def _read_binary(source: Source, keyword: re.Match[bytes], start: int) -> Scan:

@@ -91,7 +91,7 @@ def _read_ascii(source: Source, header: _Header, position: int, columns: tuple[i
     vertex = header.elements[position]
     lists = [column for column, prop in enumerate(vertex.properties) if prop.length is not None]
     if any(column < max(columns) for column in lists):
-        raise source.fault("An ascii PLY with a list property before the coordinates cannot be read.")
+        return ply_rows.read_text_rows(source, vertex, start, line, columns)
     layout = Layout(columns=columns, width=None if lists else len(vertex.properties))
     return read_rows(source, start, line, layout, n_rows=vertex.count, what="vertices")
 

@@ -1,4 +1,4 @@
-"""The rows of a binary PLY element: of one size where there are no lists, walked one by one where there are."""
+"""The rows of a PLY element: of one size where there are no lists, walked one by one where there are."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scan2nurbs.io.source import Source
+from scan2nurbs.io.table import blocks, number, show
 
 _LARGEST_ROW = 1 << 30
 """Bytes that a row type of NumPy may have."""
@@ -46,6 +47,38 @@ def read_columns(source: Source, element: Element, offset: int, columns: tuple[i
     return np.stack(values, axis=1)
 
 
+def read_text_rows(source: Source, element: Element, start: int, line: int, columns: tuple[int, int, int]) -> NDArray[np.float64]:
+    """Read three scalar properties of an element in ascii whose rows have lists before them, as (count, 3) float64."""
+    points: list[list[float]] = []
+    for block, first_line in blocks(source, start, line):
+        for number_of_line, text in enumerate(block.split(b"\n"), first_line):
+            if len(points) == element.count:
+                return np.array(points)
+            if tokens := text.split():
+                points.append(_text_row(source, element, tokens, columns, number_of_line))
+    if len(points) < element.count:
+        raise _truncated(source, element, len(points))
+    return np.array(points)
+
+
+def _text_row(source: Source, element: Element, tokens: list[bytes], columns: tuple[int, int, int], line: int) -> list[float]:
+    places, place = [], 0
+    for prop in element.properties:
+        places.append(place)
+        place += 1
+        if prop.length is not None and place <= len(tokens):
+            length = tokens[place - 1]
+            if not length.isdigit() or len(length) > len(str(len(tokens))):
+                raise source.fault(f"Line {line}: {show(length)} is no length of a list in this line.", line)
+            place += int(length)
+    if place != len(tokens):
+        raise source.fault(f"Line {line} has {len(tokens)} columns instead of {place}.", line)
+    values = [number(tokens[places[column]]) for column in columns]
+    if None in values:
+        raise source.fault(f"Line {line}: {show(tokens[places[columns[values.index(None)]]])} is no number.", line)
+    return [value for value in values if value is not None]
+
+
 def end_of(source: Source, element: Element, offset: int, order: str) -> int:
     """Return the byte offset behind the rows of the element at byte `offset`."""
     if not element.properties or not element.count:
@@ -68,13 +101,13 @@ def _uniform_row(source: Source, element: Element, offset: int, order: str) -> n
     if lengths is None or not element.properties:
         return None
     fields, place = [], 0
-    for number, (prop, length) in enumerate(zip(element.properties, lengths, strict=True)):
+    for column, (prop, length) in enumerate(zip(element.properties, lengths, strict=True)):
         if prop.length is not None:
-            fields.append((f"length{number}", order + prop.length, place))
+            fields.append((f"length{column}", order + prop.length, place))
             place += np.dtype(prop.length).itemsize
             place += length * np.dtype(prop.item).itemsize
         else:
-            fields.append((f"value{number}", order + prop.item, place))
+            fields.append((f"value{column}", order + prop.item, place))
             place += np.dtype(prop.item).itemsize
     has_lists = any(prop.length is not None for prop in element.properties)
     whole = (len(source.data) - offset) // place

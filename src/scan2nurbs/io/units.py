@@ -13,7 +13,7 @@ _NAMES = {
     "ft": ("ft", "foot", "feet"),
 }
 _UNIT_OF = {name: unit for unit, names in _NAMES.items() for name in names}
-_STATEMENT = re.compile(r"\bunits?\b[\s=:\"'(]*([a-zµμ]+)", re.IGNORECASE)
+_STATEMENT = re.compile(r"\bunits?\b[\s=:\"'(]*(?:(?:in|is|are)\s+)?([a-zµμ]+)", re.IGNORECASE)
 
 
 def unit_of(name: str) -> str | None:
