@@ -16,6 +16,7 @@ from scan2nurbs.report.pictures import (
     groups_picture,
     strength_picture,
     surface_picture,
+    trend_picture,
 )
 from scan2nurbs.report.view import choose_view
 
@@ -48,15 +49,19 @@ def surface_pictures(model: SurfaceModel) -> list[Picture]:
         caption="Points of the surface inside its outline, which is what trims the face.",
         unit=unit,
         curves=loops,
+        curve_name="outline of the face",
         view=view,
     )
-    fit, fitted = model.fit, points[model.fitted]
+    fit = model.fit
+    feet = fit.surface.evaluate(fit.uv)
+    near = view.framed(feet)
     return [
         strength_picture(points, model.edges.strength, unit=unit, threshold=model.edges.threshold, view=view),
         boundary,
         inside,
         surface_picture(points, parameter_lines(model), loops, unit=unit, view=view),
-        deviation_picture(fitted, fit.residuals, unit=unit, tolerance=fit.tolerance),
+        deviation_picture(feet, fit.residuals, unit=unit, tolerance=fit.tolerance, view=near),
+        trend_picture(feet, np.where(fit.inliers, fit.residuals, np.nan), unit=unit, tolerance=fit.tolerance, view=near),
         deviation_histogram(fit.residuals, unit=unit, noise=model.scale.noise, tolerance=fit.tolerance),
     ]
 

@@ -39,8 +39,11 @@ def render_html(record: Mapping[str, Any], pictures: Sequence[Picture] = (), hea
     """
     said = plain(record)
     content = dict.fromkeys(PLACED) | {"input": {}} | said
-    tables = {name: list(rows(value)) for name, value in content.items() if name not in PLACED and isinstance(value, dict) and value}
-    lists = {name: value for name, value in content.items() if name not in PLACED and _is_table(value)}
+    shared = {name: value for name, value in content.items() if name not in PLACED}
+    tables = {name: list(rows(value)) for name, value in shared.items() if isinstance(value, dict) and value}
+    # A list of one reads better from top to bottom; of several, side by side without what is nested in them.
+    tables |= {name: list(rows(value[0])) for name, value in shared.items() if _is_table(value) and len(value) == 1}
+    lists = {name: [_flat(item) for item in value] for name, value in shared.items() if _is_table(value) and len(value) > 1}
     # "<" in a text of the JSON must not end the script element that holds it.
     raw = Markup(to_json(said).replace("<", "\\u003c"))
     return _template().render(
@@ -78,7 +81,8 @@ def shown(value: Any) -> str:
         return f"{value:.4g}" if isinstance(value, float) else f"{value:,}".replace(",", "\u202f")
     if isinstance(value, list):
         more = f", … ({len(value)})" if len(value) > _LONGEST_LIST else ""
-        return ", ".join(shown(item) for item in value[:_LONGEST_LIST]) + more
+        between = "\n" if isinstance(value[0], dict) else ", "
+        return between.join(shown(item) for item in value[:_LONGEST_LIST]) + more
     if isinstance(value, dict):
         return ", ".join(f"{name.replace('_', ' ')} {shown(item)}" for name, item in value.items())
     return str(value)
@@ -86,6 +90,10 @@ def shown(value: Any) -> str:
 
 def _is_table(value: Any) -> bool:
     return isinstance(value, list) and bool(value) and all(isinstance(item, dict) for item in value)
+
+
+def _flat(item: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in item.items() if not isinstance(value, dict | list)}
 
 
 @cache

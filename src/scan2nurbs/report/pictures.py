@@ -14,13 +14,15 @@ from matplotlib.colors import Normalize, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
-from scan2nurbs.report.view import View, choose_view, rasterise
+from scan2nurbs.report.view import Raster, View, choose_view, rasterise
 
 Array = NDArray[np.float64]
 
 GREY, BLUE, ORANGE, GREEN = "#b8bec6", "#0072b2", "#d55e00", "#009e73"  # Okabe and Ito's, made for colour-blind readers
-MOST_POINTS = 1_000_000
+MOST_POINTS, MOST_AVERAGED = 1_000_000, 200_000
+NEARBY = 40
 _WIDTH, _DPI = 1000, 110
 
 
@@ -66,6 +68,8 @@ def strength_picture(points: Array, strength: Array, *, unit: str, threshold: fl
 def deviation_picture(points: Array, deviation: Array, *, unit: str, tolerance: float | None = None, view: View | None = None) -> Picture:
     """Show how far every point lies from the surface: red above it, blue below.
 
+    Draw the points at their feet on the surface: where they lie themselves, those on the eye's side hide the others.
+
     Parameters
     ----------
     points : (N, 3) float64
@@ -81,6 +85,28 @@ def deviation_picture(points: Array, deviation: Array, *, unit: str, tolerance: 
     return _coloured(points, deviation, (-reach, reach), "coolwarm", f"Deviation ({unit})", "Deviation from the surface", said, unit, view)
 
 
+def trend_picture(points: Array, deviation: Array, *, unit: str, tolerance: float | None = None, view: View | None = None) -> Picture:
+    """Show the mean deviation of each point's neighbourhood, in which the noise averages out and errors of shape stay.
+
+    Parameters
+    ----------
+    points : (N, 3) float64
+        Feet of the points on the surface.
+    deviation : (N,) float64
+        Signed distance, in `unit`; NaN takes no part.
+    """
+    known = np.flatnonzero(np.isfinite(deviation))
+    known = known[_thin_out(len(known), MOST_AVERAGED)]
+    points, deviation = points[known], deviation[known]
+    k = min(NEARBY, len(known))
+    mean = deviation[KDTree(points).query(points, k, workers=-1)[1]].reshape(len(known), k).mean(axis=1) if k else deviation
+    reach = float(max(np.quantile(np.abs(mean), 0.99) if k else 0.0, tolerance or 0.0)) or 1.0
+    said = f"Mean over the {k} nearest points: noise averages out, and what stays is shape that the surface misses."
+    if tolerance is not None:
+        said += f" The tolerance is {_short(tolerance)} {unit}."
+    return _coloured(points, mean, (-reach, reach), "coolwarm", f"Mean deviation ({unit})", "Deviation without the noise", said, unit, view)
+
+
 def groups_picture(
     points: Array,
     groups: Mapping[str, NDArray[np.bool_]],
@@ -89,6 +115,7 @@ def groups_picture(
     caption: str,
     unit: str,
     curves: Sequence[Array] = (),
+    curve_name: str = "boundary curve",
     view: View | None = None,
 ) -> Picture:
     """Show groups of points, each in its colour, the rest in grey.
@@ -100,20 +127,20 @@ def groups_picture(
     groups : mapping of str to (N,) bool
         At most three; a later one is drawn over an earlier one.
     curves : sequence of (K, 3) float64
-        Drawn over everything, e.g. the boundary's loops.
+        Drawn over everything, e.g. the boundary's loops; `curve_name` says what they are.
     """
     keep = _thin_out(len(points))
     colour = np.tile(to_rgb(GREY), (len(keep), 1))
     chosen = dict(zip(groups, (BLUE, ORANGE, GREEN), strict=False))
     for name, shade in chosen.items():
         colour[groups[name][keep]] = to_rgb(shade)
-    figure, axes, view = _stage(points[keep], colour, view, unit)
-    _draw_curves(axes, view, curves, "black", 1.6)
+    figure, axes, scene = _stage(points[keep], colour, view, unit)
+    _draw_curves(axes, scene, curves, "black", 1.6)
     entries = [
         Line2D([], [], marker="o", linestyle="", color=shade, label=f"{name} ({np.count_nonzero(groups[name]):,})")
         for name, shade in chosen.items()
     ]
-    entries += [Line2D([], [], color="black", label="boundary curve")] if curves else []
+    entries += [Line2D([], [], color="black", label=curve_name)] if curves else []
     if entries:
         figure.legend(handles=entries, loc="lower center", ncols=len(entries), frameon=False, fontsize=9)
     return Picture(title, caption, _png(figure))
@@ -122,9 +149,9 @@ def groups_picture(
 def surface_picture(points: Array, lines: Sequence[Array], boundary: Sequence[Array], *, unit: str, view: View | None = None) -> Picture:
     """Show the surface as lines of constant parameter over the scan, with the boundary that trims it."""
     keep = _thin_out(len(points))
-    figure, axes, view = _stage(points[keep], np.tile(to_rgb(GREY), (len(keep), 1)), view, unit)
-    _draw_curves(axes, view, lines, BLUE, 0.8)
-    _draw_curves(axes, view, boundary, ORANGE, 2.0)
+    figure, axes, scene = _stage(points[keep], np.tile(to_rgb(GREY), (len(keep), 1)), view, unit)
+    _draw_curves(axes, scene, lines, BLUE, 0.8)
+    _draw_curves(axes, scene, boundary, ORANGE, 2.0)
     entries = [Line2D([], [], color=BLUE, label="lines of constant parameter"), Line2D([], [], color=ORANGE, label="trimming boundary")]
     figure.legend(handles=entries, loc="lower center", ncols=2, frameon=False, fontsize=9)
     return Picture(
@@ -187,7 +214,7 @@ def _coloured(
     return Picture(title, caption, _png(figure))
 
 
-def _stage(points: Array, colour: Array, view: View | None, unit: str) -> tuple[Figure, Axes, View]:
+def _stage(points: Array, colour: Array, view: View | None, unit: str) -> tuple[Figure, Axes, _Scene]:
     """Draw shaded points with a scale bar and the directions of the axes."""
     view = view or choose_view(points)
     size = view.high - view.low
@@ -204,7 +231,23 @@ def _stage(points: Array, colour: Array, view: View | None, unit: str) -> tuple[
     axes.set_axis_off()
     axes.set(xlim=(left, right), ylim=(low, high))
     _draw_scale(axes, fitted, unit)
-    return figure, axes, fitted
+    return figure, axes, _Scene(fitted, raster)
+
+
+@dataclass(frozen=True)
+class _Scene:
+    """What was drawn, to draw over it."""
+
+    view: View
+    raster: Raster
+
+    def hides(self, seen: Array) -> NDArray[np.bool_]:
+        """Tell which projected points lie well behind what is seen at their place."""
+        height, width = self.raster.index.shape
+        size = self.view.high - self.view.low
+        at = np.floor((seen[:, :2] - self.view.low) / size * (width, height)).astype(np.int64)
+        column, row = np.clip(at, 0, [width - 1, height - 1]).T
+        return np.asarray(self.raster.nearness[row, column] > seen[:, 2] + 0.03 * size[0])
 
 
 def _widen(view: View, aspect: float) -> View:
@@ -230,15 +273,21 @@ def _draw_scale(axes: Axes, view: View, unit: str) -> None:
             axes.annotate(name, (across, upwards), ha="center", va="center", fontsize=8, color="#555555")
 
 
-def _draw_curves(axes: Axes, view: View, curves: Sequence[Array], colour: str, width: float) -> None:
+def _draw_curves(axes: Axes, scene: _Scene, curves: Sequence[Array], colour: str, width: float) -> None:
+    """Draw curves; what runs behind the points is dotted."""
     for curve in curves:
-        across, upwards, _ = view.project(np.asarray(curve)).T
-        axes.plot(across, upwards, color=colour, linewidth=width)
+        seen = scene.view.project(np.asarray(curve))
+        hidden = scene.hides(seen)
+        for part, style, strength in ((~hidden, "-", 1.0), (hidden, ":", 0.6)):
+            # A segment belongs to the part where either of its ends does, so that no gap shows.
+            drawn = part | np.r_[part[1:], False] | np.r_[False, part[:-1]] if style == "-" else part
+            line = np.where(drawn[:, None], seen[:, :2], np.nan)
+            axes.plot(*line.T, color=colour, linewidth=width * strength, linestyle=style)
 
 
-def _thin_out(n: int) -> NDArray[np.int64]:
-    """Return every point, or evenly many where there are more than a picture has pixels."""
-    return np.arange(n) if n <= MOST_POINTS else np.linspace(0, n - 1, MOST_POINTS).astype(np.int64)
+def _thin_out(n: int, most: int = MOST_POINTS) -> NDArray[np.int64]:
+    """Return every point, or `most` of them evenly chosen; the default is as many as a picture has pixels."""
+    return np.arange(n) if n <= most else np.linspace(0, n - 1, most).astype(np.int64)
 
 
 def _round_down(length: float) -> float:

@@ -29,6 +29,13 @@ class View:
         """Return right, up and nearness of (N, 3) points."""
         return points @ self.axes.T
 
+    def framed(self, points: NDArray[np.float64]) -> View:
+        """Return the same direction of view with `points` filling the picture, strays aside."""
+        flat = _without_strays(points) @ self.axes[:2].T
+        low, high = flat.min(axis=0), flat.max(axis=0)
+        margin = 0.04 * float((high - low).max()) or 1.0
+        return View(self.axes, low - margin, high + margin)
+
 
 def choose_view(points: NDArray[np.float64]) -> View:
     """Look at points from where their shape shows: on their broad side, from a little aside, more so the bulkier they are.
@@ -51,11 +58,7 @@ def choose_view(points: NDArray[np.float64]) -> View:
     eye /= np.linalg.norm(eye)
     up = broad - (broad @ eye) * eye
     up /= np.linalg.norm(up)
-    axes = np.stack([np.cross(up, eye), up, eye])
-    flat = inner @ axes[:2].T
-    low, high = flat.min(axis=0), flat.max(axis=0)
-    margin = 0.04 * float((high - low).max()) or 1.0
-    return View(axes, low - margin, high + margin)
+    return View(np.stack([np.cross(up, eye), up, eye]), np.zeros(2), np.zeros(2)).framed(points)
 
 
 def _without_strays(points: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -78,11 +81,14 @@ class Raster:
     ----------
     index : (height, width) int64
         The point that is seen, −1 where none is; row 0 is the lowest.
+    nearness : (height, width) float64
+        Of that point to the eye, in the points' unit; −inf where none is.
     shade : (height, width) float64
         Brightness in [0, 1] of a surface lit from the upper left.
     """
 
     index: NDArray[np.int64]
+    nearness: NDArray[np.float64]
     shade: NDArray[np.float64]
 
 
@@ -103,7 +109,8 @@ def rasterise(points: NDArray[np.float64], view: View, *, width: int, height: in
         layer[y, x] = np.arange(len(order))
         np.maximum(rank, layer, out=rank)
     index = np.where(rank >= 0, order[rank], -1) if len(order) else rank
-    return Raster(index, _shade(np.where(index >= 0, seen[index, 2], np.nan), float(pixel[0])))
+    nearness = np.where(index >= 0, seen[index, 2], -np.inf)
+    return Raster(index, nearness, _shade(nearness, float(pixel[0])))
 
 
 def _disc(column: NDArray[np.int64], row: NDArray[np.int64]) -> list[tuple[int, int]]:
@@ -119,8 +126,8 @@ def _shade(nearness: NDArray[np.float64], pixel: float) -> NDArray[np.float64]:
     """Light the smoothed surface behind the pixels; smoothing keeps noise from looking like relief."""
     known = np.isfinite(nearness)
     weight = gaussian_filter(known.astype(np.float64), 3.0)
-    base = float(np.nanmean(nearness)) if known.any() else 0.0
-    smooth = base + gaussian_filter(np.where(known, nearness - base, 0.0), 3.0) / np.maximum(weight, 1e-6)
+    base = float(nearness[known].mean()) if known.any() else 0.0
+    smooth = base + gaussian_filter(np.where(known, np.where(known, nearness, base) - base, 0.0), 3.0) / np.maximum(weight, 1e-6)
     slope_up, slope_right = np.gradient(smooth, pixel)
     light = np.array([-0.45, 0.55, 0.7]) / np.linalg.norm([0.45, 0.55, 0.7])
     lit = (-slope_right * light[0] - slope_up * light[1] + light[2]) / np.sqrt(1 + slope_right**2 + slope_up**2)
