@@ -10,19 +10,20 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from scan2nurbs.brep.face import TrimmedFace, trimmed_face
 from scan2nurbs.brep.outline import Loop
 from scan2nurbs.brep.write import WrittenModel, write_model
 from scan2nurbs.cloud import PointCloud, PointSource, as_cloud
-from scan2nurbs.edges.boundary import Boundary, BoundaryParams, find_boundary
+from scan2nurbs.edges.boundary import Boundary, BoundaryParams, EdgeBand, clean_edges, draw_boundary
 from scan2nurbs.edges.detect import Edges, detect
 from scan2nurbs.edges.params import EdgeParams
 from scan2nurbs.errors import NoResultError, ParameterError
 from scan2nurbs.faces.inside import enclosed_by_centroid
 from scan2nurbs.faces.region import Region, RegionParams, group_points
-from scan2nurbs.faces.trim import Trim, trim_region
-from scan2nurbs.kernels.runner import Progress
+from scan2nurbs.faces.trim import REACH, Trim, trim_region
+from scan2nurbs.kernels.runner import Progress, thread_count
 from scan2nurbs.report.record import Stopwatch
 from scan2nurbs.scale import Scale, measure_scale
 from scan2nurbs.surface_report import surface_report
@@ -77,8 +78,10 @@ class SurfaceModel:
         Spacing and noise.
     edges : Edges
         Points on edges, in the cloud's order.
+    band : EdgeBand
+        What is left of them after corrections and filters.
     boundary : Boundary
-        What is left of them after filters and corrections, thinned, and as curves.
+        The boundary of the surface, thinned and as curves.
     region : Region or None
         The surfaces between the edges; None where Algorithm 3 grouped the points.
     fit : SurfaceFit
@@ -98,6 +101,7 @@ class SurfaceModel:
     cloud: PointCloud
     scale: Scale
     edges: Edges
+    band: EdgeBand
     boundary: Boundary
     region: Region | None
     fit: SurfaceFit
@@ -160,36 +164,53 @@ def reconstruct_surface(
     with watch("edges"):
         edges = detect(cloud.points, scale, params.edges, stage("finding edges"))
     with watch("boundary"):
-        boundary = find_boundary(cloud, scale, edges, params.boundary)
-    with watch("inside"):
-        region, fitted = _group(cloud, scale, edges, boundary, params)
+        band = clean_edges(cloud, scale, edges, params.boundary)
+    if params.grouping == "basins":
+        with watch("inside"):
+            region = group_points(cloud.points, scale, edges, band.on_edge, _in_local_frame(params.region, cloud))
+            fitted = np.flatnonzero(region.inside | region.rim)
+        with watch("boundary"):
+            boundary = draw_boundary(cloud, scale, _beside(band.on_edge, cloud, fitted, scale), params.boundary)
+    else:
+        with watch("boundary"):
+            boundary = draw_boundary(cloud, scale, band.on_edge, params.boundary)
+        with watch("inside"):
+            region, fitted = None, _enclosed(cloud, band, boundary)
     with watch("fit"):
         fit = fit_surface(cloud.points[fitted], _with_noise(params.fit, scale), progress=stage("fitting"))
     with watch("trim"):
         trim = trim_region(cloud.points, scale, fitted, fit, boundary.points)
         loops = [Loop(loop.uv, loop.closed) for loop in trim.loops]
         face = trimmed_face(trim.surface, loops, tolerance=max(0.5 * scale.h, 2.0 * scale.noise))
-    model = SurfaceModel(cloud, scale, edges, boundary, region, fit, fitted, trim.inside, trim, face, {})
+    model = SurfaceModel(cloud, scale, edges, band, boundary, region, fit, fitted, trim.inside, trim, face, {})
     return replace(model, report=surface_report(model, params, watch.seconds))
 
 
-def _group(
-    cloud: PointCloud, scale: Scale, edges: Edges, boundary: Boundary, params: SurfaceParams
-) -> tuple[Region | None, NDArray[np.int64]]:
-    """Choose the points that are fitted: those inside the boundary, up to it."""
-    if params.grouping == "basins":
-        wanted = params.region
-        if wanted.seed is not None:
-            x, y, z = np.asarray(wanted.seed) - cloud.origin
-            wanted = replace(wanted, seed=(float(x), float(y), float(z)))
-        region = group_points(cloud.points, scale, edges, boundary.on_edge, wanted)
-        return region, np.flatnonzero(region.inside | region.rim)
+def _in_local_frame(region: RegionParams, cloud: PointCloud) -> RegionParams:
+    """Move the seed from the input's coordinates to the cloud's."""
+    if region.seed is None:
+        return region
+    x, y, z = np.asarray(region.seed) - cloud.origin
+    return replace(region, seed=(float(x), float(y), float(z)))
+
+
+def _beside(on_edge: NDArray[np.bool_], cloud: PointCloud, fitted: NDArray[np.int64], scale: Scale) -> NDArray[np.bool_]:
+    """Choose the edge points along the surface: its boundary, not that of others."""
+    band = np.flatnonzero(on_edge)
+    distance, _ = KDTree(cloud.points[fitted]).query(cloud.points[band], distance_upper_bound=REACH * scale.h, workers=thread_count())
+    beside = np.zeros_like(on_edge)
+    beside[band[np.isfinite(distance)]] = True
+    return beside
+
+
+def _enclosed(cloud: PointCloud, band: EdgeBand, boundary: Boundary) -> NDArray[np.int64]:
+    """Group by Algorithm 3: the points that the thinned boundary encloses."""
     if len(boundary.points) == 0:
         raise NoResultError("Algorithm 3 needs boundary points, and none are left; a smaller threshold finds more.")
-    inside = np.flatnonzero(enclosed_by_centroid(cloud.points, boundary.points) & ~boundary.on_edge)
+    inside = np.flatnonzero(enclosed_by_centroid(cloud.points, boundary.points) & ~band.on_edge)
     if len(inside) == 0:
         raise NoResultError("By Algorithm 3 no point lies inside the boundary: its outline is not star-shaped about its centroid.")
-    return None, inside
+    return inside
 
 
 def _with_noise(fit: FitParams, scale: Scale) -> FitParams:

@@ -47,7 +47,7 @@ def _edges(model: SurfaceModel) -> dict[str, Any]:
 def _boundary(model: SurfaceModel) -> dict[str, Any]:
     boundary = model.boundary
     return {
-        "points": boundary.counts,
+        "points": model.band.counts | boundary.counts,
         "curves": [
             {
                 "closed": curve.closed,

@@ -63,65 +63,92 @@ class BoundaryParams:
 
 
 @dataclass(frozen=True)
-class Boundary:
-    """The boundary, from the band of edge points to curves.
+class EdgeBand:
+    """The band of edge points that is left after corrections and filters.
 
     Attributes
     ----------
     on_edge : (N,) bool
-        Edge points of the cloud that are left after filters and corrections.
-    points : (M, 3) float64
-        Thinned boundary points near the curves, in the cloud's local frame.
-    curves : tuple of BoundaryCurve
-        Open curves and closed loops, the longest first.
+        The points that are left.
     counts : dict
-        How many points each step took or left.
+        How many points were detected, dropped by hand, sparse, isolated and kept.
     """
 
     on_edge: NDArray[np.bool_]
+    counts: dict[str, int]
+
+
+@dataclass(frozen=True)
+class Boundary:
+    """A boundary as thinned points and as curves, in the cloud's local frame.
+
+    Attributes
+    ----------
+    points : (M, 3) float64
+        Thinned boundary points near the curves.
+    curves : tuple of BoundaryCurve
+        Open curves and closed loops, the longest first.
+    counts : dict
+        How many points there were, how many after thinning, and how many of those lay far from the curves.
+    """
+
     points: NDArray[np.float64]
     curves: tuple[BoundaryCurve, ...]
     counts: dict[str, int]
 
 
-def find_boundary(cloud: PointCloud, scale: Scale, edges: Edges, params: BoundaryParams) -> Boundary:
-    """Turn edge points into a boundary (paper, section 2.1 from the filter on).
+def clean_edges(cloud: PointCloud, scale: Scale, edges: Edges, params: BoundaryParams) -> EdgeBand:
+    """Apply corrections by hand and the filters to the detected edge points.
 
     Parameters
     ----------
     cloud : PointCloud
-        The points; corrections by hand are in the coordinates of its input.
+        The points; corrections are in the coordinates and rows of its input.
     scale : Scale
         What `measure_scale` said of them.
     edges : Edges
         The detected edges, in the cloud's order.
     params : BoundaryParams
-        Filters, thinning, curves and corrections.
+        Filters and corrections.
     """
     corrected = _corrected(cloud, edges.mask, params)
     band = np.flatnonzero(corrected)
     cleaned = clean_boundary(cloud.points[band], spacing=scale.h, noise=scale.noise, params=params.clean)
-    kept = band[cleaned.keep]
-    if params.thinning == "crease":
-        thinned = thin_boundary(
-            cloud.points[kept], cloud.points, spacing=scale.h, noise=scale.noise, params=params.thin, cells=scale.cells
-        ).points
-    else:
-        thinned = approximate_boundary(cloud.points[kept], params.thin_radius * scale.h, times=params.thin_times)
-    curves = trace_curves(thinned, scale.h, params.curves, noise=scale.noise)
-    near = near_curves(thinned, [curve.sample(0.5 * scale.h) for curve in curves], params.far * scale.h)
     on_edge = np.zeros(len(cloud.points), bool)
-    on_edge[kept] = True
+    on_edge[band[cleaned.keep]] = True
     counts = {
         "detected": int(np.count_nonzero(edges.mask)),
         "dropped_by_hand": int(np.count_nonzero(edges.mask & ~corrected)),
         "sparse": cleaned.counts["sparse"],
         "isolated": cleaned.counts["isolated"],
-        "kept": len(kept),
-        "thinned": len(thinned),
-        "far_from_curves": int(np.count_nonzero(~near)),
+        "kept": cleaned.counts["kept"],
     }
-    return Boundary(on_edge=on_edge, points=thinned[near], curves=curves, counts=counts)
+    return EdgeBand(on_edge=on_edge, counts=counts)
+
+
+def draw_boundary(cloud: PointCloud, scale: Scale, on_edge: NDArray[np.bool_], params: BoundaryParams) -> Boundary:
+    """Thin a band of edge points and draw curves through it.
+
+    Parameters
+    ----------
+    cloud : PointCloud
+        The points.
+    scale : Scale
+        What `measure_scale` said of them.
+    on_edge : (N,) bool
+        The points of the band.
+    params : BoundaryParams
+        How it is thinned, and how its points are joined into curves.
+    """
+    band = cloud.points[on_edge]
+    if params.thinning == "crease":
+        thinned = thin_boundary(band, cloud.points, spacing=scale.h, noise=scale.noise, params=params.thin, cells=scale.cells).points
+    else:
+        thinned = approximate_boundary(band, params.thin_radius * scale.h, times=params.thin_times)
+    curves = trace_curves(thinned, scale.h, params.curves, noise=scale.noise)
+    near = near_curves(thinned, [curve.sample(0.5 * scale.h) for curve in curves], params.far * scale.h)
+    counts = {"band": len(band), "thinned": len(thinned), "far_from_curves": int(np.count_nonzero(~near))}
+    return Boundary(points=thinned[near], curves=curves, counts=counts)
 
 
 def _corrected(cloud: PointCloud, mask: NDArray[np.bool_], params: BoundaryParams) -> NDArray[np.bool_]:
