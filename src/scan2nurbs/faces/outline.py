@@ -6,12 +6,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 
 from scan2nurbs.edges.polyline import resample
 from scan2nurbs.edges.ranges import require_float
 from scan2nurbs.errors import NoResultError, ParameterError
 from scan2nurbs.faces.contours import Contour, FaceRaster, trace_contours
+from scan2nurbs.faces.crossings import crossing_loops, cut_small_loops
 from scan2nurbs.faces.snapping import Creases, snap_contour
 
 Array = NDArray[np.float64]
@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 # A bay in the contour drawn far outwards folds; a stiffer contour has no such bay.
 _STIFFNESS = (1.0, 2.0, 4.0)
 _LEAST_ROWS = 12
+# Rows of the longest knot that is cut out of a loop.
+_KNOT = 24
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -221,38 +223,10 @@ def _draw_loop(contour: Contour, face: FaceRaster, crease: Array, h: float, para
         corner_angle=params.corner_angle,
         stiffness=stiffness,
     )
+    # Sides drawn past each other at a blunt corner tie small knots.
+    points, corners, covered = cut_small_loops(points, corners, covered, contour.shift, longest=_KNOT)
     return OutlineLoop(points, corners, covered, contour.shift)
 
 
 def _rough_loop(contour: Contour, points: Array) -> OutlineLoop:
     return OutlineLoop(points, np.empty(0, np.int64), np.zeros(len(points), np.bool_), contour.shift)
-
-
-def crossing_loops(lines: list[Array], period: float | None = None) -> NDArray[np.bool_]:
-    """Tell which polylines cross themselves or another one.
-
-    Parameters
-    ----------
-    lines : list of (K, 2) float64
-        Closed ones repeat their first point.
-    period : float, optional
-        Polylines also cross where they do so one period on in x.
-    """
-    of_line = np.concatenate([np.full(len(line) - 1, i) for i, line in enumerate(lines)])
-    a, b = np.concatenate([line[:-1] for line in lines]), np.concatenate([line[1:] for line in lines])
-    if period is not None:
-        of_line = np.tile(of_line, 2)
-        turn = np.array([period, 0.0])
-        a, b = np.concatenate([a, a + turn]), np.concatenate([b, b + turn])
-    reach = float(np.linalg.norm(b - a, axis=1).max())
-    pairs = KDTree(0.5 * (a + b)).query_pairs(reach, output_type="ndarray")
-    i, j = pairs[:, 0], pairs[:, 1]
-
-    def side(p: Array, q: Array, r: Array) -> Array:
-        return (q[:, 0] - p[:, 0]) * (r[:, 1] - p[:, 1]) - (q[:, 1] - p[:, 1]) * (r[:, 0] - p[:, 0])
-
-    cross = (side(a[i], b[i], a[j]) * side(a[i], b[i], b[j]) < 0.0) & (side(a[j], b[j], a[i]) * side(a[j], b[j], b[i]) < 0.0)
-    crossed = np.zeros(len(lines), np.bool_)
-    crossed[of_line[i[cross]]] = True
-    crossed[of_line[j[cross]]] = True
-    return crossed
