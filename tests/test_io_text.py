@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,6 +11,7 @@ from hypothesis import strategies as st
 
 import io_samples as samples
 from scan2nurbs.io import read_scan
+from scan2nurbs.io.source import Source
 
 XYZ = samples.points()
 
@@ -103,3 +106,22 @@ def test_text_reads_every_number_to_the_last_bit(tmp_path_factory, rows):
     path = tmp_path_factory.mktemp("bits") / "a.xyz"
     path.write_bytes(samples.text(np.array(rows)))
     assert np.array_equal(read_scan(path).points, rows)
+
+
+FLOATS = st.floats(-1e9, 1e9).map(lambda value: [repr(value), f"{value:.3f}", f"{value:+.6e}", "nan"][hash(value) % 4])
+
+
+@given(
+    rows=st.integers(3, 5).flatmap(lambda n: st.lists(st.lists(FLOATS, min_size=n, max_size=n), min_size=1, max_size=8)),
+    separator=st.sampled_from([" ", "\t", ",", ";"]),
+    columns=st.permutations([0, 1, 2]),
+)
+def test_the_quick_reader_equals_the_careful_one(rows, separator, columns):
+    from scan2nurbs.io import table
+
+    block = "".join(separator.join(row) + "\n" for row in rows).encode()
+    layout = table.Layout(columns=tuple(columns), width=len(rows[0]), separator=separator.strip(" \t").encode() or None)
+    quick = table._parse_fast(block, layout)
+    careful = table._parse_lines(Source(Path("a"), block), block, 1, layout, None)
+    assert quick is not None
+    assert np.array_equal(quick, careful, equal_nan=True)
