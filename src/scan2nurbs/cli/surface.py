@@ -114,7 +114,7 @@ def write_labelled(path: Path, model: SurfaceModel) -> None:
     deviation[model.fitted] = model.fit.residuals
     columns = {
         "strength": cloud.to_rows(model.edges.strength.astype(np.float32), np.nan),
-        "edge": cloud.to_rows(model.boundary.on_edge, False),
+        "edge": cloud.to_rows(model.band.on_edge, False),
         "face": cloud.to_rows(np.where(model.inside, 0, -1).astype(np.int32), -1),
         "deviation": cloud.to_rows(deviation, np.nan),
     }

@@ -35,7 +35,7 @@ def surface_pictures(model: SurfaceModel) -> list[Picture]:
     curves = [_closed(curve.sample(0.5 * model.scale.h), curve.closed) for curve in model.boundary.curves]
     boundary = groups_picture(
         points,
-        {"boundary points": model.boundary.on_edge},
+        {"boundary points": model.band.on_edge},
         title="The boundary",
         caption="Edge points that are left after filtering and corrections, and the curves that were fitted to them.",
         unit=unit,
@@ -44,7 +44,7 @@ def surface_pictures(model: SurfaceModel) -> list[Picture]:
     )
     inside = groups_picture(
         points,
-        {"inside": model.inside, "boundary points": model.boundary.on_edge & ~model.inside},
+        {"inside": model.inside, "boundary points": model.band.on_edge & ~model.inside},
         title="The inside",
         caption="Points of the surface inside its outline, which is what trims the face.",
         unit=unit,
