@@ -17,7 +17,7 @@ _COARSE, _BLUR = 4, 2.0
 # Where points are sparser than 3 spacings, they no longer sample the face.
 _SPARSEST = 3.0
 # The margin, in local spacings, at borders of grids and of random points with up to half a spacing of noise: mean and spread.
-_MARGIN, _MARGIN_SPREAD = 0.38, 0.12
+_MARGIN, _MARGIN_SPREAD = 0.47, 0.12
 
 
 class Raster:
@@ -38,7 +38,8 @@ class Raster:
 
     def local_spacing(self, h: float) -> Array:
         """Return 1/sqrt(density), the density taken over the covered area only, at least h."""
-        covered = _distance(self.count == 0, self.cell) < 1.6 * h  # between two distances of cells
+        reached = _distance(self.count == 0, self.cell) < 1.6 * h  # between two distances of cells
+        covered = ndimage.binary_erosion(reached, iterations=2)
         points, area = _blocks(self.count), _blocks(covered) * self.cell.prod()
         mass = ndimage.gaussian_filter(points, _BLUR, mode="constant")
         cover = ndimage.gaussian_filter(area, _BLUR, mode="constant")
@@ -58,7 +59,7 @@ class Raster:
         """Return how deep each cell lies inside the closed set (negative outside), and its distance to the nearest point."""
         place = np.zeros((2, *self.shape), np.int32)
         ndimage.distance_transform_edt(
-            self.count == 0, sampling=self.cell[::-1], return_distances=False, return_indices=True, indices=place
+            self.count == 0, sampling=_ratio(self.cell), return_distances=False, return_indices=True, indices=place
         )
         row, column = place
         void = np.hypot(self.mean_x[row, column] - self.x[None, :], self.mean_y[row, column] - self.y[:, None])
@@ -128,7 +129,12 @@ def rim_points(field: Array, low: Array, cell: Array) -> Array:
 
 def _distance(mask: Mask, cell: Array) -> Array:
     """Return for each cell of the mask the distance to the nearest cell outside it."""
-    return np.asarray(ndimage.distance_transform_edt(mask, sampling=cell[::-1]), np.float64)
+    return np.asarray(ndimage.distance_transform_edt(mask, sampling=_ratio(cell)), np.float64) * cell[1]
+
+
+def _ratio(cell: Array) -> tuple[float, float]:
+    """Return the cell's height and width relative to its height: 1 for squares, so that ties do not depend on the unit."""
+    return 1.0, float(cell[0] / cell[1])
 
 
 def _blocks(values: NDArray[np.generic]) -> Array:
