@@ -16,6 +16,7 @@ from scan2nurbs.surfaces.bspline import BSplineSurface
 Floats = NDArray[np.float64]
 
 _PER_SPAN = 16
+_SHARES = (1.0, 0.25, 0.0625)
 
 
 @dataclass(frozen=True)
@@ -111,19 +112,30 @@ def _free(surface: BSplineSurface, frame: Frame, piece: Piece, tolerance: float,
     def in_space(fitted: Floats, _: Floats) -> Floats:
         return np.linalg.norm(_on(surface, fitted / frame.scale) - given, axis=1)
 
-    straight = line(metric[0], metric[-1], (0.0, float(parameters[-1])))
-    if piece.straight or (not piece.closed and in_space(straight(parameters), metric).max() <= 0.5 * tolerance):
-        fitted = straight
-    else:
-        fitted = fit_curve(metric, parameters, tolerance=tolerance, measure=in_space, closed=piece.closed)
-    # Control points inside the rectangle keep the whole curve in it.
-    points = np.clip(fitted.control_points / frame.scale, frame.low, frame.high)
-    if not piece.closed:
-        points[[0, -1]] = piece.uv[[0, -1]]
-    pcurve = replace(fitted, control_points=points)
-    space, apart = _in_space(surface, pcurve, gap)
+    pcurve = line(piece.uv[0], piece.uv[-1], (0.0, float(parameters[-1])))
     deviation = float(in_space(pcurve(parameters) * frame.scale, metric).max())
+    if not piece.straight and (piece.closed or deviation > 0.5 * tolerance):
+        for share in _SHARES:
+            fitted = fit_curve(metric, parameters, tolerance=share * tolerance, measure=in_space, closed=piece.closed)
+            pcurve = _inside(frame, fitted, None if piece.closed else piece.uv[[0, -1]])
+            deviation = float(in_space(pcurve(parameters) * frame.scale, metric).max())
+            if deviation <= tolerance:
+                break
+    space, apart = _in_space(surface, pcurve, gap)
     return FaceEdge(pcurve, space, deviation=deviation, gap=apart)
+
+
+def _inside(frame: Frame, fitted: Curve, ends: Floats | None) -> Curve:
+    """Return a curve in the frame's lengths as one in (u, v) that stays in the rectangle and meets the ends to the bit."""
+    points = fitted.control_points / frame.scale
+    if ends is not None:
+        points[[0, -1]] = ends
+    pcurve = replace(fitted, control_points=points)
+    drawn = pcurve(pcurve.samples(_PER_SPAN))
+    if ((drawn < frame.low) | (drawn > frame.high)).any():
+        # With all its control points in the rectangle the curve is, too.
+        pcurve = replace(pcurve, control_points=np.clip(points, frame.low, frame.high))
+    return pcurve
 
 
 def _in_space(surface: BSplineSurface, pcurve: Curve, gap: float) -> tuple[Curve, float]:

@@ -23,6 +23,8 @@ from scan2nurbs.surfaces.bspline import BSplineSurface
 Floats = NDArray[np.float64]
 Wires = tuple[tuple[FaceEdge, ...], ...]
 
+_BEARABLE = 2.0
+
 
 @dataclass(frozen=True)
 class TrimmedFace:
@@ -113,7 +115,7 @@ def trimmed_face(
     for wires, note in _attempts(lines, frame, tolerance, gap, smooth):
         if note:
             notes.append(note)
-        if not _is_simple(wires, frame):
+        if not _is_simple(wires, frame) or _deviation(wires) > _BEARABLE * tolerance:
             continue
         try:
             shape = build_face(surface, wires, scale=scale)
@@ -164,6 +166,10 @@ def _is_simple(wires: Wires, frame: Frame) -> bool:
     return all(len(loop) > 2 for loop in loops) and not crosses(loops, 0.0)
 
 
+def _deviation(wires: Wires) -> float:
+    return max((edge.deviation for wire in wires for edge in wire), default=0.0)
+
+
 def _result(surface: BSplineSurface, wires: Wires, shape: Any, scale: float, notes: list[str]) -> TrimmedFace:
     found = check(shape)
     return TrimmedFace(
@@ -175,6 +181,6 @@ def _result(surface: BSplineSurface, wires: Wires, shape: Any, scale: float, not
         max_tolerance=found.max_tolerance / scale,
         area=found.area / scale**2,
         valid=found.valid,
-        deviation=max((edge.deviation for wire in wires for edge in wire), default=0.0),
+        deviation=_deviation(wires),
         notes=tuple(notes),
     )

@@ -263,9 +263,9 @@ def _note_outside(outer: Floats, frame: Frame, around: int | None, tolerance: fl
 def _one_face(frame: Frame, regions: list[Floats], tolerance: float, notes: list[str]) -> tuple[Floats, ...]:
     """Choose the largest outer loop and its holes, and give them back in (u, v)."""
     areas = np.array([area(loop) for loop in regions])
-    lengths = np.array([np.linalg.norm(np.roll(loop, -1, axis=0) - loop, axis=1).sum() for loop in regions])
-    # The mean width of a narrow loop is twice its area over its length.
-    narrow = 2.0 * np.abs(areas) <= tolerance * lengths
+    # The width of a loop is its area over its length; the diagonal stands for that, since noise lengthens the polyline itself.
+    diagonals = np.array([np.linalg.norm(np.ptp(loop, axis=0)) for loop in regions])
+    narrow = np.abs(areas) <= 1.2 * tolerance * diagonals
     if narrow.any():
         notes.append(f"{int(narrow.sum())} loops narrower than the tolerance were left out.")
     outers = np.flatnonzero(~narrow & (areas > 0))

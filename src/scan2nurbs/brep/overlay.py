@@ -14,6 +14,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 _CHUNK = 2_000_000
+_PASSES = 2
 
 
 def overlay(loops: Sequence[Floats], keep: Callable[[Ints], bool], *, snap: float) -> list[Floats]:
@@ -43,7 +44,11 @@ def overlay(loops: Sequence[Floats], keep: Callable[[Ints], bool], *, snap: floa
     of one cell each; a piece is kept where the region lies on exactly one of its sides. O(K log K) for loops that are not wild.
     """
     points, sequences = _arrangement(loops, snap)
-    chains = [_oriented(points, chain, loops, keep, snap) for chain in _chains(sequences)]
+    for _ in range(_PASSES):
+        # Snapping moves segments by up to a snap: further passes find what that made meet.
+        points, sequences = _arrangement([points[ids] for ids in sequences], snap)
+    loops = [points[ids] for ids in sequences]
+    chains = [_oriented(points, chain, loops, keep) for chain in _chains(sequences)]
     return [points[loop] for loop in _link(points, [chain for chain in chains if chain is not None])]
 
 
@@ -151,13 +156,13 @@ def _arrangement(loops: Sequence[Floats], snap: float) -> tuple[Floats, list[Int
     for loop in range(len(loops)):
         ids = cluster[label[owner] == loop].astype(np.int64)
         ids = ids[ids != np.roll(ids, 1)] if len(ids) > 1 else ids
-        if len(ids) > 1:
-            sequences.append(ids)
+        sequences.append(ids)
     return points, sequences
 
 
 def _chains(sequences: list[Ints]) -> list[Ints]:
     """Cut the loops at their nodes, where more than two pieces meet; return each distinct chain once. A closed one repeats its start."""
+    sequences = [ids for ids in sequences if len(ids) > 1]
     neighbours: dict[int, set[int]] = {}
     for ids in sequences:
         for a, b in zip(ids.tolist(), np.roll(ids, -1).tolist(), strict=True):
@@ -176,7 +181,7 @@ def _chains(sequences: list[Ints]) -> list[Ints]:
     return list(chains.values())
 
 
-def _oriented(points: Floats, chain: Ints, loops: Sequence[Floats], keep: Callable[[Ints], bool], snap: float) -> Ints | None:
+def _oriented(points: Floats, chain: Ints, loops: Sequence[Floats], keep: Callable[[Ints], bool]) -> Ints | None:
     """Return the chain with the region on its left, or None where both sides are alike."""
     path = points[chain]
     step = np.diff(path, axis=0)
@@ -184,8 +189,8 @@ def _oriented(points: Floats, chain: Ints, loops: Sequence[Floats], keep: Callab
     k = int(np.argmax(length))
     left = np.array([-step[k, 1], step[k, 0]]) / length[k]
     middle = 0.5 * (path[k] + path[k + 1])
-    # Far enough to be clear of what snapping moved, near enough to be in the cell beside the chain.
-    away = min(4.0 * snap, 0.25 * length[k])
+    # Near enough to be in the cell beside the chain, far enough to be clear of rounding.
+    away = 1e-3 * length[k]
     sides = np.array([middle + away * left, middle - away * left])
     numbers = np.stack([winding(loop, sides) for loop in loops], axis=1)
     inside_left, inside_right = keep(numbers[0]), keep(numbers[1])

@@ -14,6 +14,7 @@ Ints = NDArray[np.int64]
 
 _SHARP = np.cos(np.radians(35.0))
 _WINDOWS = 16
+_PARTS = 64
 
 
 @dataclass(frozen=True)
@@ -54,6 +55,7 @@ def split(wire: Floats, frame: Frame, *, tolerance: float, every: bool = False) 
     every : bool
         Cut at every point that simplifying within the tolerance leaves, for an outline of straight edges.
     """
+    wire = _without_gaps(wire, frame)
     sides = _sides(wire, frame)
     previous = np.roll(sides, 1, axis=0)
     # sides[k] is that of the segment k → k + 1; where it changes, an edge begins.
@@ -75,6 +77,18 @@ def split(wire: Floats, frame: Frame, *, tolerance: float, every: bool = False) 
         else:
             pieces.append(Piece(uv, straight=every))
     return pieces
+
+
+def _without_gaps(wire: Floats, frame: Frame) -> Floats:
+    """Add points on segments that are long for their wire: they are known to be straight, and a smooth curve has to heed that."""
+    ahead = np.roll(wire, -1, axis=0)
+    step = np.linalg.norm((ahead - wire) * frame.scale, axis=1)
+    usual = 2.0 * float(np.median(step))
+    on_side = _sides(wire, frame)[:, 0] >= 0
+    parts = np.where((step > 2.0 * usual) & ~on_side, np.minimum(np.ceil(step / max(usual, 1e-300)), _PARTS), 1).astype(np.int64)
+    owner = np.repeat(np.arange(len(wire)), parts)
+    share = (np.arange(len(owner)) - np.repeat(np.cumsum(parts) - parts, parts)) / parts[owner]
+    return wire[owner] + share[:, None] * (ahead - wire)[owner]
 
 
 def _sides(wire: Floats, frame: Frame) -> Ints:
