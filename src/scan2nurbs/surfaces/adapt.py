@@ -24,6 +24,7 @@ logger = logging.getLogger(__name__)
 
 _STEPS = 4
 _POINTS_PER_COEFFICIENT = 8.0
+_POINTS_PER_FIRST_COEFFICIENT = 4.0
 _NARROWEST_SPAN = 1.5
 _TOLERANCE_OF_NOISE = 0.5
 _TOLERANCE_OF_SPACING = 0.03
@@ -53,7 +54,7 @@ class Task:
     @classmethod
     def make(cls, points: NDArray[np.float64], parameters: Parameters, params: FitParams, scale: float, n_all: int) -> Task:
         """Turn the user's parameters into the units of the fit."""
-        affordable = max(4, int(len(points) / _POINTS_PER_COEFFICIENT))
+        affordable = min(params.max_control_points, max(4, int(len(points) / _POINTS_PER_FIRST_COEFFICIENT)))
         p, q = params.degrees
         while (p + 1) * (q + 1) > affordable and max(p, q) > 1:
             p, q = (p - 1, q) if p >= q else (p, q - 1)
@@ -65,7 +66,7 @@ class Task:
             tolerance=None if params.tolerance is None else params.tolerance / scale,
             noise=None if params.noise is None else params.noise / scale,
             spacing=parameters.nodes.spacing * np.sqrt(len(points) / n_all),
-            most_control_points=min(params.max_control_points, affordable),
+            most_control_points=min(params.max_control_points, max((p + 1) * (q + 1), int(len(points) / _POINTS_PER_COEFFICIENT))),
             most_rounds=params.max_iterations,
             robust=params.robust,
         )
@@ -78,8 +79,7 @@ class Task:
     def weigh(self, uv: NDArray[np.float64], normal: NDArray[np.float64], whole: NDArray[np.float64], lenience: float = np.inf) -> Weighing:
         """Weigh points; all alike where the fit is not robust."""
         floor = max(_WEIGHT_FLOOR * self.spacing, 0.3 * (self.tolerance or 0.0))
-        weighing = weigh(uv, self.size, normal, whole, floor, lenience)
-        return weighing if self.robust else Weighing(np.ones(len(uv)), weighing.noise)
+        return weigh(uv, self.size, normal, whole, floor, lenience if self.robust else None)
 
     def slack(self, u: Axis, v: Axis, noise: float) -> float:
         """Return by how much fairness may raise the sum of squares: little against what noise alone puts into the coefficients."""
@@ -217,6 +217,12 @@ def _start(task: Task) -> State:
     counts = [int(np.clip(round(s / short), 1, 64)) for s in size]
     if parameters.closed:
         counts[0] = max(counts[0], 2 * task.degrees[0] + 1)
+    while (
+        (counts[0] + task.degrees[0]) * (counts[1] + task.degrees[1]) > task.most_control_points
+        and max(counts) > 1
+        and not parameters.closed
+    ):
+        counts[int(np.argmax(counts))] -= 1
     weights = np.ones(len(task.points))
     while True:
         u = Axis(task.degrees[0], np.linspace(0.0, size[0], counts[0] + 1), parameters.closed)

@@ -63,7 +63,8 @@ class Axis:
         if not self.closed:
             return np.eye(self.n)
         greville = np.lib.stride_tricks.sliding_window_view(self.clamped[1:-1], self.degree).mean(axis=1)
-        matrix: NDArray[np.float64] = np.linalg.solve(_dense(self.clamped, self.degree, greville, len(greville)), self.at(greville))
+        values = _dense(self.clamped, self.degree, greville, len(greville))
+        matrix = np.asarray(np.linalg.solve(values, self.at(greville)), dtype=np.float64)
         matrix[-1] = matrix[0]  # equal up to rounding; a seam must close exactly
         return matrix
 

@@ -79,7 +79,7 @@ def make_nodes(points: NDArray[np.float64]) -> Nodes:
     tree = KDTree(dense)
     chosen = _thin(dense, max(2.0 * spacing, spacing * np.sqrt(len(points) / NODES)))
     k = min(_NEIGHBOURS, len(dense))
-    centres, frames, off = _local_planes(dense, dense[chosen], np.asarray(tree.query(dense[chosen], k=k)[1]).reshape(-1, k))
+    centres, frames, off = _local_planes(dense, dense[chosen], _nearest(tree, dense[chosen], k))
     on = off <= 1.5 * spacing
     on = on if np.mean(on) > 0.5 else np.ones(len(on), bool)
     centres, frames = centres[on], frames[on]
@@ -90,10 +90,15 @@ def make_nodes(points: NDArray[np.float64]) -> Nodes:
     return Nodes(centres, _orient(centres, frames, edges), edges, spacing, is_dense)
 
 
+def _nearest(tree: KDTree, queries: NDArray[np.float64], k: int) -> NDArray[np.int64]:
+    _, near = tree.query(queries, k=k)
+    return np.asarray(near, dtype=np.int64).reshape(-1, k)
+
+
 def _dense(points: NDArray[np.float64], tree: KDTree) -> NDArray[np.bool_]:
     """Tell which points are not much farther from their neighbours than those are from theirs."""
     k = min(8, len(points) - 1)
-    distance, near = tree.query(points, k=k + 1)
+    distance, near = (np.asarray(a) for a in tree.query(points, k=k + 1))
     reach = distance[:, k]
     dense = reach <= 2.0 * np.median(reach[near[:, 1:]], axis=1)
     return dense if np.mean(dense) > 0.5 else np.ones(len(points), bool)
@@ -147,7 +152,7 @@ def _connect(points: NDArray[np.float64], normals: NDArray[np.float64]) -> NDArr
     """Return the edges between near neighbours that run along the surface."""
     n = len(points)
     k = min(_EDGES + 1, n)
-    near = np.asarray(KDTree(points).query(points, k=k)[1]).reshape(-1, k)
+    near = _nearest(KDTree(points), points, k)
     edges = _unique(np.column_stack([np.repeat(np.arange(n), k), near.ravel()]))
     d = points[edges[:, 1]] - points[edges[:, 0]]
     length = np.linalg.norm(d, axis=1)
@@ -167,7 +172,7 @@ def _bridge(points: NDArray[np.float64], edges: NDArray[np.int64]) -> NDArray[np
 def _bridges(points: NDArray[np.float64], label: NDArray[np.int32], piece: int) -> NDArray[np.int64]:
     """Return edges from a piece to the rest wherever the gap is not much wider than where it is narrowest."""
     inside, outside = np.flatnonzero(label == piece), np.flatnonzero(label != piece)
-    distance, nearest = KDTree(points[outside]).query(points[inside])
+    distance, nearest = (np.asarray(a) for a in KDTree(points[outside]).query(points[inside]))
     chosen = distance <= 1.5 * distance.min()
     return np.column_stack([inside[chosen], outside[nearest[chosen]]])
 

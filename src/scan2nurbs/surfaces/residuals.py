@@ -29,7 +29,7 @@ def weigh(
     normal: NDArray[np.float64],
     whole: NDArray[np.float64],
     floor: float,
-    lenience: float = np.inf,
+    lenience: float | None = np.inf,
 ) -> Weighing:
     """Weigh points by how far their residuals lie from their neighbours' median (Tukey's biweight, scale from the MAD).
 
@@ -44,12 +44,14 @@ def weigh(
     floor : float
         The scale is taken no smaller than this.
     lenience : float
-        By how much a block whose own deviations are large may raise the scale.
+        By how much a block whose own deviations are large may raise the scale. None: no point is an outlier.
     """
     block = _blocks(uv, size, len(uv) / _BLOCK)
     # A few points are no neighbourhood: outliers alone in an empty corner must not vouch for each other.
     many = np.bincount(block) >= _BLOCK // 4
     deviation = normal - np.where(many, _block_medians(block, normal), 0.0)[block]
+    if lenience is None:
+        return Weighing(np.ones(len(uv)), float(np.sqrt(np.mean(deviation**2))))
     # The median of 30 takes away a part of the noise; π / 2 is the variance of a median relative to a mean's.
     noise = 1.4826 * float(np.median(np.abs(deviation))) / np.sqrt(1.0 - np.pi / 2.0 / _BLOCK)
     # Where the surface does not follow yet, the deviations of a whole block are large; a minority in it are outliers all the same.
