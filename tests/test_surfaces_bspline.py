@@ -30,7 +30,7 @@ def surface(p: int = 3, q: int = 2, m: int = 4, n: int = 3, seed: int = 0, **cha
 def quarter_cylinder() -> BSplineSurface:
     """The exact rational quarter of a circle (The NURBS Book, ex. 7.1), swept."""
     arc = np.array([[1.0, 0, 0], [1, 1, 0], [0, 1, 0]])
-    net = np.stack([arc, arc + [0, 0, 2]], axis=1)
+    net = np.stack([arc, arc + np.array([0, 0, 2])], axis=1)
     weights = np.repeat([[1.0], [np.sqrt(0.5)], [1.0]], 2, axis=1)
     return BSplineSurface((2, 1), (clamped(2, 1), clamped(1, 1)), net, weights)
 
