@@ -57,7 +57,7 @@ class CleanParams:
     robust: bool = True
     radius: float = 3.0
     min_points: int = 4
-    noise_factor: float = 1.0
+    noise_factor: float = 2.0
     group_gap: float = 4.0
     group_extent: float = 8.0
     group_share: float = 0.1
