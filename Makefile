@@ -30,7 +30,8 @@ lint: $(VENV)/.lint-stamp ## Check style, types and layers
 	$(BIN)/lint-imports
 
 bench: $(VENV)/.test-stamp ## Measure speed and accuracy
-	$(BIN)/python -m benchmarks
+	@for name in $(basename $(notdir $(filter-out %/__init__.py,$(wildcard benchmarks/*.py)))); do \
+	  echo "== benchmarks.$$name"; $(BIN)/python -m benchmarks.$$name || exit 1; done
 
 gallery: $(VENV)/.test-stamp ## Redo the paper's experiments and their pictures
 	$(BIN)/python -m examples.paper

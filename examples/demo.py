@@ -1,7 +1,4 @@
-"""The whole way in one minute: a CAD part, a simulated scan of it, and one of its faces rebuilt from the scan.
-
-    python examples/demo.py FOLDER
-"""
+"""The whole way in a minute: a CAD part, a simulated scan of it, a face rebuilt from the scan: ``python examples/demo.py FOLDER``."""
 
 from __future__ import annotations
 
