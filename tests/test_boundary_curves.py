@@ -106,7 +106,7 @@ def test_curves_split_at_junctions():
 
 def test_figure_eight_of_two_squares():
     left = row(SQUARE)
-    right = left + [46.0, 46.0, 0.0]
+    right = left + np.array([46.0, 46.0, 0.0])
     curves = trace_curves(shuffled(np.concatenate([left, right])), 1.0)
     assert sum(curve.length for curve in curves) == pytest.approx(360.0, rel=0.04)
 
@@ -115,7 +115,9 @@ def test_figure_eight_of_two_squares():
 def test_motion_scale_and_order_change_nothing(seed, scale):
     rng = np.random.default_rng(seed)
     t = np.linspace(0.0, 2.0 * np.pi, 81)[:-1]
-    points = np.stack([25.0 * np.cos(t), 15.0 * np.sin(t), 4.0 * np.sin(2.0 * t)], axis=1) + 0.1 * np.random.default_rng(1).normal(size=(80, 3))
+    points = np.stack([25.0 * np.cos(t), 15.0 * np.sin(t), 4.0 * np.sin(2.0 * t)], axis=1) + 0.1 * np.random.default_rng(1).normal(
+        size=(80, 3)
+    )
     turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     (here,) = trace_curves(points, 1.0)
     (again,) = trace_curves(rng.permutation(points), 1.0)

@@ -148,14 +148,14 @@ def scene():
     """A long line, a small clump far from it, and single points."""
     rng = np.random.default_rng(5)
     line = np.stack([np.arange(0.0, 80.0, 0.7), np.zeros(115), np.zeros(115)], axis=1) + 0.2 * rng.standard_normal((115, 3))
-    clump = rng.normal(size=(8, 3)) + [40.0, 20.0, 0.0]
+    clump = rng.normal(size=(8, 3)) + np.array([40.0, 20.0, 0.0])
     single = np.array([[10.0, -15.0, 0.0], [60.0, -30.0, 5.0], [90.0, 30.0, 0.0]])
-    return np.concatenate([line, clump, single]), 115, 8
+    return np.concatenate([line, clump, single]), 115
 
 
 @pytest.mark.parametrize("params", [CleanParams(), CleanParams(method="radius"), CleanParams(robust=False, deviations=2.0)])
 def test_cleaning_keeps_the_line_only(params):
-    points, n_line, n_clump = scene()
+    points, n_line = scene()
     cleaned = clean_boundary(points, spacing=1.0, params=params)
     assert cleaned.keep[:n_line].mean() > 0.97
     assert not cleaned.keep[n_line:].any()
@@ -178,7 +178,7 @@ def test_density_threshold_follows_the_noise():
 @given(st.integers(0, 2**32 - 1))
 def test_cleaning_commutes_with_motion_and_order(seed):
     rng = np.random.default_rng(seed)
-    points, _, _ = scene()
+    points, _ = scene()
     order = rng.permutation(len(points))
     turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     moved = clean_boundary((points[order] @ turn + 3.0) * 1e-3, spacing=1e-3)

@@ -53,7 +53,12 @@ SHAPES = {
     "ring": ([circle(0.55 * S), circle(0.25 * S)[::-1]], 0),
     "plate": ([polygon((0, 0), (1.4, 0), (1.4, 1), (0, 1)), circle(4.0, (24.0, 30.0))[::-1], circle(10.0, (60.0, 30.0))[::-1]], 4),
     "dumbbell": (
-        [0.7 * polygon((0, 0), (1, 0), (1, 0.42), (1.4, 0.42), (1.4, 0), (2.4, 0), (2.4, 1), (1.4, 1), (1.4, 0.58), (1, 0.58), (1, 1), (0, 1))],
+        [
+            0.7
+            * polygon(
+                (0, 0), (1, 0), (1, 0.42), (1.4, 0.42), (1.4, 0), (2.4, 0), (2.4, 1), (1.4, 1), (1.4, 0.58), (1, 0.58), (1, 1), (0, 1)
+            )
+        ],
         12,
     ),
 }
@@ -224,7 +229,7 @@ def test_tube(seam):
     points = rng.uniform([0.0, 0.0], [100.0, 40.0], (4000, 2))
     points = points[points[:, 1] < 34.0 + 4.0 * np.sin(0.02 * np.pi * points[:, 0])]
     points = points[np.hypot((points[:, 0] + 50.0) % 100.0 - 50.0, points[:, 1] - 15.0) > 6.0]
-    low, high, hole = outline_loops(points + [seam, 0.0], spacing=1.0, period=100.0)
+    low, high, hole = outline_loops(points + np.array([seam, 0.0]), spacing=1.0, period=100.0)
     np.testing.assert_allclose(low.shift, [100.0, 0.0])
     np.testing.assert_allclose(high.shift, [-100.0, 0.0])
     assert np.abs(low.points[:, 1]).mean() < 0.5
@@ -270,7 +275,7 @@ def test_errors(points, options, error, message):
 
 
 def test_parameter_ranges():
-    with pytest.raises(ParameterError, match="'corner_angle' parameter of find_outline must be a float in \\(0, 180\\). Got 190.0"):
+    with pytest.raises(ParameterError, match=r"'corner_angle' parameter of find_outline must be a float in \(0, 180\). Got 190.0"):
         OutlineParams(corner_angle=190.0)
     with pytest.raises(ParameterError, match="'reach'"):
         OutlineParams(reach=-1.0)

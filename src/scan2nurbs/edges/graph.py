@@ -176,7 +176,8 @@ def _free_ends(points: Points, neighbours: Neighbours, reach: float) -> tuple[ND
 
 def _end_direction(row: Points, reach: float) -> NDArray[np.float64]:
     """Return the unit direction in which a row of points ends, at its first point."""
-    near = row[np.linalg.norm(row - row[0], axis=1) <= reach]
+    beyond = np.flatnonzero(np.linalg.norm(row - row[0], axis=1) > reach)
+    near = row[: beyond[0]] if len(beyond) else row
     inward = near.mean(axis=0) - row[0] if len(near) > 1 else row[min(1, len(row) - 1)] - row[0]
     size = np.linalg.norm(inward)
     return -inward / size if size > 0.0 else inward

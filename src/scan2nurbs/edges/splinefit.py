@@ -92,7 +92,7 @@ class _Fit:
         closed: bool,
         periodic: bool,
     ) -> None:
-        self.points, self.parameter, self.degree, self.periodic = points, parameter, degree, periodic
+        self.points, self.parameter, self.degree, self.closed, self.periodic = points, parameter, degree, closed, periodic
         self.end = float(breaks[-1])
         if periodic:
             before, after = breaks[-1 - degree : -1] - self.end, breaks[1 : degree + 1] + self.end
@@ -162,4 +162,6 @@ class _Fit:
         gaps = np.diff(self.parameter)
         room = np.r_[gaps, gaps[-1]] if len(gaps) else np.zeros(1)
         moved = self.parameter + np.clip(step, -0.45 * np.r_[room[0], gaps] if len(gaps) else 0.0, 0.45 * room)
+        if not self.closed:
+            moved[0], moved[-1] = 0.0, self.end  # or else the ends would run on beyond their points
         self.parameter = np.clip(moved, 0.0, self.end if not self.periodic else np.nextafter(self.end, 0.0))
