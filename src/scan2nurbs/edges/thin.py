@@ -259,27 +259,20 @@ def wedge_radius(relative_noise: float) -> float:
 
 
 def _to_crease(start: NDArray[np.float64], cells: Cells, radius: float, spacing: float, noise: float, params: ThinParams) -> MovedPoints:
-    m = len(start)
-    result = MovedPoints(start.copy(), np.full((m, 3), np.nan), np.zeros(m), np.zeros(m, np.int8))
-    todo = np.arange(m)
-    for _ in range(params.rounds):
-        wedges = fit_wedges(cells, result.points[todo], radius, noise)
-        blur = np.divide(3.0 * noise, 0.5 * radius * np.sqrt(wedges.count), out=np.full(len(todo), np.inf), where=wedges.count > 0)
-        least = np.maximum(np.radians(params.min_angle), blur)
-        moved_by = np.linalg.norm(wedges.foot - start[todo], axis=1)
-        # Comparisons with NaN are false: no wedge, no crease.
-        good = (wedges.angle > least) & (moved_by <= params.reach * spacing)
-        good &= wedges.quadric_rms >= params.min_gain * wedges.wedge_rms
-        rows = todo[good]
-        result.points[rows] = wedges.foot[good]
-        result.direction[rows] = wedges.direction[good]
-        result.angle[rows] = np.degrees(wedges.angle[good])
-        result.status[rows] = CREASE
-        lost = todo[~good]
-        result.points[lost], result.direction[lost] = start[lost], np.nan
-        result.angle[lost], result.status[lost] = 0.0, KEPT
-        todo = rows
-    return result
+    wedges = fit_wedges(cells, start, radius, noise, rounds=params.rounds)
+    # An angle that the noise alone would give: three deviations of a plane's slope over its half of the neighbourhood.
+    points_of_half = np.maximum(wedges.count, 1)
+    blur = 3.0 * noise / (0.5 * radius * np.sqrt(points_of_half))
+    moved_by = np.linalg.norm(wedges.foot - start, axis=1)
+    # Comparisons with NaN are false: no wedge, no crease.
+    good = (wedges.angle > np.maximum(np.radians(params.min_angle), blur)) & (moved_by <= params.reach * spacing)
+    good &= wedges.quadric_rms >= params.min_gain * wedges.wedge_rms
+    return MovedPoints(
+        points=np.where(good[:, None], wedges.foot, start),
+        direction=np.where(good[:, None], wedges.direction, np.nan),
+        angle=np.where(good, np.degrees(wedges.angle), 0.0),
+        status=np.where(good, CREASE, KEPT).astype(np.int8),
+    )
 
 
 def _to_ridge(start: NDArray[np.float64], found: MovedPoints, radius: float, spacing: float, params: ThinParams) -> MovedPoints:
