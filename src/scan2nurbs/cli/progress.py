@@ -28,6 +28,7 @@ class Bars:
         columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn(elapsed_when_finished=True))
         self._progress = Progress(*columns, console=console(), transient=True, disable=not shown)
         self._tasks: dict[str, TaskID] = {}
+        self._current = ""
 
     def __enter__(self) -> Bars:
         self._progress.start()
@@ -39,11 +40,13 @@ class Bars:
     def __call__(self, stage: str, done: int, total: int) -> None:
         """Move the bar of `stage` to `done` of `total`."""
         if stage not in self._tasks:
-            for task in self._tasks.values():
-                self._progress.update(task, visible=False)
             self._tasks[stage] = self._progress.add_task(stage, total=total)
         elif done < self._progress.tasks[self._tasks[stage]].completed:
             self._progress.reset(self._tasks[stage])  # another pass of the same stage
+        if stage != self._current:
+            self._current = stage
+            for name, task in self._tasks.items():
+                self._progress.update(task, visible=name == stage)
         self._progress.update(self._tasks[stage], completed=done, total=total)
 
 
