@@ -15,6 +15,7 @@ Ints = NDArray[np.int64]
 
 _CHUNK = 2_000_000
 _PASSES = 2
+_REACH = 64.0
 
 
 def overlay(loops: Sequence[Floats], keep: Callable[[Ints], bool], *, snap: float) -> list[Floats]:
@@ -48,8 +49,9 @@ def overlay(loops: Sequence[Floats], keep: Callable[[Ints], bool], *, snap: floa
         # Snapping moves segments by up to a snap: further passes find what that made meet.
         points, sequences = _arrangement([points[ids] for ids in sequences], snap)
     loops = [points[ids] for ids in sequences]
-    chains = [_oriented(points, chain, loops, keep) for chain in _chains(sequences)]
-    return [points[loop] for loop in _link(points, [chain for chain in chains if chain is not None])]
+    chains = [_oriented(points, chain, loops, keep, snap) for chain in _chains(sequences)]
+    border = [chain for chain in chains if chain is not None]
+    return [points[loop] for loop in _link(points, border + _bridges(points, border, _REACH * snap))]
 
 
 def area(loop: Floats) -> float:
@@ -181,7 +183,7 @@ def _chains(sequences: list[Ints]) -> list[Ints]:
     return list(chains.values())
 
 
-def _oriented(points: Floats, chain: Ints, loops: Sequence[Floats], keep: Callable[[Ints], bool]) -> Ints | None:
+def _oriented(points: Floats, chain: Ints, loops: Sequence[Floats], keep: Callable[[Ints], bool], snap: float) -> Ints | None:
     """Return the chain with the region on its left, or None where both sides are alike."""
     path = points[chain]
     step = np.diff(path, axis=0)
@@ -189,14 +191,38 @@ def _oriented(points: Floats, chain: Ints, loops: Sequence[Floats], keep: Callab
     k = int(np.argmax(length))
     left = np.array([-step[k, 1], step[k, 0]]) / length[k]
     middle = 0.5 * (path[k] + path[k + 1])
-    # Near enough to be in the cell beside the chain, far enough to be clear of rounding.
-    away = 1e-3 * length[k]
+    # In the cell beside the chain: other segments were split and snapped where they come closer than a snap. Clear of rounding, too.
+    away = 0.25 * snap
     sides = np.array([middle + away * left, middle - away * left])
     numbers = np.stack([winding(loop, sides) for loop in loops], axis=1)
     inside_left, inside_right = keep(numbers[0]), keep(numbers[1])
     if inside_left == inside_right:
         return None
     return chain if inside_left else chain[::-1]
+
+
+def _bridges(points: Floats, chains: list[Ints], reach: float) -> list[Ints]:
+    """Return what is missing for as many chains to leave every node as arrive there.
+
+    Segments that run side by side a few snaps apart hide from each other which side of a tiny piece the region is on. The nodes at
+    its ends then lack a way out or in, and are joined.
+    """
+    excess = np.zeros(len(points), np.int64)
+    for chain in chains:
+        excess[chain[0]] -= 1
+        excess[chain[-1]] += 1
+    stranded, awaited = (np.repeat(np.arange(len(points)), np.maximum(sign * excess, 0)) for sign in (1, -1))
+    if not len(stranded):
+        return []
+    apart = np.linalg.norm(points[stranded][:, None] - points[awaited], axis=2)
+    bridges = []
+    for flat in np.argsort(apart, axis=None, kind="stable"):
+        i, j = np.unravel_index(flat, apart.shape)
+        if apart[i, j] > reach:
+            continue
+        bridges.append(np.array([stranded[i], awaited[j]]))
+        apart[i], apart[:, j] = np.inf, np.inf
+    return bridges
 
 
 def _link(points: Floats, chains: list[Ints]) -> list[Ints]:
