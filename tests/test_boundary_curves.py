@@ -171,7 +171,7 @@ def test_smoothing_equals_dense_least_squares(k, wave, closed):
     np.testing.assert_allclose(smooth(values, weight, wave, closed=closed), expected, atol=1e-7)
 
 
-@pytest.mark.parametrize("degree", [1, 2, 3, 5])
+@pytest.mark.parametrize("degree", [1, 2, 3, 5, 9])
 def test_degrees(degree):
     curve = fit_curve(circle(), 1.0, closed=True, params=CurveParams(degree=degree, tolerance=0.05))
     assert curve.spline.k == degree

@@ -98,10 +98,10 @@ class _Fit:
             before, after = breaks[-1 - degree : -1] - self.end, breaks[1 : degree + 1] + self.end
             # Few breaks go around more than once.
             while len(before) < degree:
-                before = np.r_[before[-(len(breaks) - 1) :] - self.end, before][-degree:]
+                before = np.r_[before[: len(breaks) - 1] - self.end, before]
             while len(after) < degree:
-                after = np.r_[after, after[-(len(breaks) - 1) :] + self.end][:degree]
-            self.knots = np.r_[before, breaks, after]
+                after = np.r_[after, after[1 - len(breaks) :] + self.end]
+            self.knots = np.r_[before[-degree:], breaks, after[:degree]]
         else:
             inner = breaks[1:-1]
             self.knots = np.r_[
@@ -113,6 +113,8 @@ class _Fit:
         # Which free control point stands at each place: the last ones of a periodic curve are its first, and a curve that
         # closes in a corner ends where it began.
         self.free = np.arange(n) % (n - degree) if periodic else np.arange(n) % (n - 1) if closed else np.arange(n)
+        self.merge = csc_array((np.ones(n), (np.arange(n), self.free)), shape=(n, int(self.free.max()) + 1))
+        self.fairness = self._fairness() * (_FAIRNESS * len(points) / n)
         self.spline = BSpline(self.knots, np.zeros((n, points.shape[1])), degree)
 
     def solve(self) -> NDArray[np.float64]:
@@ -124,16 +126,13 @@ class _Fit:
         return np.linalg.norm(self.points - self.spline(self.parameter), axis=1)
 
     def _control_points(self) -> None:
-        n = len(self.free)
-        merge = csc_array((np.ones(n), (np.arange(n), self.free)), shape=(n, int(self.free.max()) + 1))
-        basis = csc_array(BSpline.design_matrix(self.parameter, self.knots, self.degree) @ merge)
-        normal = basis.T @ basis + self._fairness(merge) * (_FAIRNESS * len(self.points) / n)
-        coefficients = splu(csc_array(normal)).solve(basis.T @ self.points)
+        basis = csc_array(BSpline.design_matrix(self.parameter, self.knots, self.degree) @ self.merge)
+        coefficients = splu(csc_array(basis.T @ basis + self.fairness)).solve(basis.T @ self.points)
         self.spline = BSpline(self.knots, coefficients[self.free], self.degree)
         if self.periodic:
             self.spline.extrapolate = "periodic"  # type: ignore[assignment] - scipy's stubs know only the flag
 
-    def _fairness(self, merge: csc_array) -> csc_array:
+    def _fairness(self) -> csc_array:
         """Penalise second differences of control points, except across corners; a trace of the first keeps empty spans solvable."""
         n = len(self.free)
         greville = np.array([self.knots[i + 1 : i + self.degree + 1].mean() for i in range(n)])
@@ -149,9 +148,9 @@ class _Fit:
             rows += [i, i, i]
             columns += [i - 1, i, i + 1]
             values += [half / left, -half / left - half / right, half / right]
-        second = csc_array((values, (rows, columns)), shape=(n, n)) @ merge
+        second = csc_array((values, (rows, columns)), shape=(n, n)) @ self.merge
         first = csc_array((np.r_[np.ones(n - 1), -np.ones(n - 1)], (np.r_[0 : n - 1, 0 : n - 1], np.r_[0 : n - 1, 1:n])), shape=(n, n))
-        first = first @ merge
+        first = first @ self.merge
         return csc_array(second.T @ second + 1e-6 * (first.T @ first))
 
     def _correct(self) -> None:
