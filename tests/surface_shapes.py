@@ -49,6 +49,17 @@ def tube(degrees: float, radius: float, length: float) -> Shape:
     )
 
 
+def pipe(turns: float) -> Shape:
+    """A pipe of radius 12 bent around a circle of radius 40 by so many degrees."""
+    turn = np.radians(turns)
+
+    def at(u: np.ndarray, v: np.ndarray) -> np.ndarray:
+        r = 40 + 12 * np.cos(2 * np.pi * u)
+        return stack(r * np.cos(turn * v), r * np.sin(turn * v), 12 * np.sin(2 * np.pi * u))
+
+    return Shape(at, (2 * np.pi * 12, turn * 40))
+
+
 def _blade(u: np.ndarray, v: np.ndarray) -> np.ndarray:
     """A sheet folded around a leading edge of radius 6, cambered and twisted."""
     s, r = (u - 0.5) * 150, 6.0
@@ -104,7 +115,7 @@ def distance_to(fit: SurfaceFit, points: np.ndarray) -> np.ndarray:
     """Signed distances (N,) of points from a fitted surface, by Newton's method in NumPy from the nearest foot point."""
     surface, inside = fit.surface, fit.uv[fit.inliers]
     uv = inside[cKDTree(surface.evaluate(inside)).query(points)[1]]
-    for _ in range(12):
+    for _ in range(8):
         d = surface.derivatives(uv)
         r = points - d[:, 0]
         a, b, c = (np.einsum("ni,ni->n", d[:, i], d[:, j]) for i, j in ((1, 1), (1, 2), (2, 2)))

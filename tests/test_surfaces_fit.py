@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from scan2nurbs.errors import InputError, NoResultError, ParameterError
 from scan2nurbs.kernels.runner import set_threads
 from scan2nurbs.surfaces.fit import FitParams, fit_surface
-from surface_shapes import SHAPES, distance_to, stack
+from surface_shapes import SHAPES, distance_to, pipe, stack
 
 MAPS = {"conical ring": "tube", "closed tube": "tube"} | dict.fromkeys(
     ("half tube", "tube of 300 degrees", "blade", "hemisphere", "ribbon"), "geodesic"
@@ -110,6 +110,20 @@ def test_a_tube_closes_smoothly() -> None:
     last = surface.derivatives(np.stack([np.ones(20), v], 1), 2)
     np.testing.assert_array_equal(surface.control_points[0], surface.control_points[-1])
     np.testing.assert_allclose(first, last, atol=1e-7 * np.abs(first).max())
+
+
+def test_a_bent_pipe_closes_around_its_bend() -> None:
+    points, truth, sigma = pipe(turns=200).scan(5000, 0.25)
+    fit = fit_surface(points)
+    assert fit.parametrization == "tube"
+    assert rms(distance_to(fit, truth)) <= 0.3 * sigma
+
+
+def test_a_closed_ball_has_no_map_or_a_named_one() -> None:
+    x = np.random.default_rng(0).normal(size=(4000, 3))
+    caps = np.abs(x[:, 2]) < 0.9 * np.linalg.norm(x, axis=1)
+    band = 30 * (x / np.linalg.norm(x, axis=1, keepdims=True))[caps]
+    assert fit_surface(band).parametrization == "tube"
 
 
 @pytest.mark.parametrize("degree", [1, 2, 5, 9, (2, 4)])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +12,7 @@ from scipy.spatial import ConvexHull, KDTree, QhullError
 
 from scan2nurbs.errors import NoResultError
 from scan2nurbs.surfaces.nodes import Nodes, make_nodes
-from scan2nurbs.surfaces.tube import Around, around
+from scan2nurbs.surfaces.tube import Around, around, around_bends
 from scan2nurbs.surfaces.unroll import carry, jacobians, unroll
 
 logger = logging.getLogger(__name__)
@@ -73,7 +73,8 @@ def parametrize(points: NDArray[np.float64]) -> Parameters:
     direction = _height_direction(nodes, axes)
     if direction is not None:
         return _finish("plane", nodes, nodes.points @ direction[:2].T, points @ direction[:2].T)
-    found = [*_unrolled(nodes, points), *_tubes(nodes, points)]
+    found = [*_unrolled(nodes, points), *_tubes(nodes, points, around(nodes))]
+    found = found or [*_tubes(nodes, points, around_bends(nodes))]
     if not found:
         raise NoResultError("The points are not one sheet that can be unrolled, or one tube: every map tried folds over.")
     # A map that leaves its rectangle half empty costs control points as one that stretches does.
@@ -89,9 +90,9 @@ def _unrolled(nodes: Nodes, points: NDArray[np.float64]) -> Iterator[tuple[Quali
         yield quality, _finish("geodesic", nodes, uv, carry(nodes, uv, jacobian, points))
 
 
-def _tubes(nodes: Nodes, points: NDArray[np.float64]) -> Iterator[tuple[Quality, Parameters]]:
+def _tubes(nodes: Nodes, points: NDArray[np.float64], maps: Iterable[Around]) -> Iterator[tuple[Quality, Parameters]]:
     best: tuple[Quality, Around, NDArray[np.float64]] | None = None
-    for map_ in around(nodes):
+    for map_ in maps:
         jacobian = jacobians(nodes, map_.uv, map_.jump)
         quality = judge(nodes, map_.uv, jacobian, map_.period)
         logger.info("tube: %s", quality)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array, diags_array
 from scipy.sparse.linalg import splu
 
+from scan2nurbs.surfaces.loops import angle_around
 from scan2nurbs.surfaces.nodes import Nodes
 from scan2nurbs.surfaces.unroll import jacobians, tangent_steps
 
@@ -38,17 +39,28 @@ class Around:
 
 
 def around(nodes: Nodes) -> Iterator[Around]:
-    """Yield maps of the nodes around lines that may lie inside a tube; none where nothing runs around any of them.
+    """Yield maps of the nodes around straight lines that may lie inside a tube; none where nothing runs around any of them.
 
     An edge that crosses a half-plane bounded by the line counts one turn. The smoothest function that jumps by one on those edges
     (a harmonic circle-valued coordinate, de Silva et al. 2011) depends on the line only through the class of loops that enclose it.
     """
     solver = _Poisson(nodes)
     for axis in _axes(nodes):
+        first = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+        first /= np.linalg.norm(first)
         for centre in _centres(nodes, axis):
-            found = solver.around(axis, centre)
+            d = nodes.points - centre
+            found = solver.around(np.arctan2(d @ np.cross(axis, first), d @ first) / (2 * np.pi))
             if found is not None:
                 yield found
+
+
+def around_bends(nodes: Nodes) -> Iterator[Around]:
+    """Yield the map around a tube that no straight line runs through, if there is one; slower than `around`."""
+    angle = angle_around(nodes)
+    found = None if angle is None else _Poisson(nodes).around(angle)
+    if found is not None:
+        yield found
 
 
 class _Poisson:
@@ -71,12 +83,9 @@ class _Poisson:
         pull = self.weight * step
         return self.factor.solve(np.bincount(self.j, pull, self.n) - np.bincount(self.i, pull, self.n))
 
-    def around(self, axis: NDArray[np.float64], centre: NDArray[np.float64]) -> Around | None:
+    def around(self, angle: NDArray[np.float64]) -> Around | None:
+        """Return the map in the class of an angle (M,) in turns, whatever its shape; None where it does not run around."""
         nodes = self.nodes
-        first = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
-        first /= np.linalg.norm(first)
-        d = nodes.points - centre
-        angle = np.arctan2(d @ np.cross(axis, first), d @ first) / (2 * np.pi)
         turns = np.round(angle[self.i] - angle[self.j])
         turn = self.solve(-turns)
         gradient = jacobians(nodes, np.stack([turn, turn], 1), np.stack([turns, turns], 1))[:, 0]
