@@ -42,3 +42,19 @@ def test_the_functional_surface_is_found_again_in_the_file(tmp_path):
     part, built = load_cad(path), tessellate(PARTS["ring"].build())
     (there,), (here,) = PARTS["ring"].functional_faces(part), PARTS["ring"].functional_faces(built)
     assert part.face_area[there] == pytest.approx(built.face_area[here], rel=1e-3)
+
+
+def test_the_benchmark_takes_a_faces_true_outline():
+    from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox, BRepPrimAPI_MakeCylinder
+
+    from benchmarks.surface import _border
+
+    box = tessellate(BRepPrimAPI_MakeBox(3.0, 4.0, 5.0).Shape())
+    border = _border(box, (box.nearest_face((1.5, 2.0, 9.0)),), 0.1)
+    assert (border[:, 2] == 5.0).all()
+    assert (np.minimum(border[:, :2], [3.0, 4.0] - border[:, :2]).min(axis=1) < 1e-12).all()
+    assert np.ptp(border, axis=0) == pytest.approx([3.0, 4.0, 0.0])
+    # The seam of a closed surface is no border.
+    tube = tessellate(BRepPrimAPI_MakeCylinder(2.0, 7.0).Shape())
+    ends = _border(tube, (tube.nearest_face((2.0, 0.0, 3.5)),), 0.1)
+    assert (np.minimum(ends[:, 2], 7.0 - ends[:, 2]) < 1e-12).all()

@@ -95,8 +95,8 @@ def _shares(some: list[Any], others: list[Any]) -> bool:
 
 
 def _insert_top(x: Any, y: Any) -> Any:
-    ridge = 15 * np.exp(-(((y - 0.12 * x) / 11) ** 2))
-    return 24 + ridge - 9 * np.exp(-((x / 13) ** 2)) + x**2 / 190 - y**2 / 150
+    ridge = 13 * np.exp(-(((y - 0.12 * x) / 14) ** 2))
+    return 24 + ridge - 8 * np.exp(-((x / 15) ** 2)) + x**2 / 190 - y**2 / 150
 
 
 def insert() -> Any:
