@@ -95,7 +95,7 @@ def _segments(loops: Sequence[Floats]) -> tuple[Floats, Floats, Ints]:
 def _candidates(start: Floats, end: Floats, snap: float) -> tuple[Ints, Ints]:
     """Return the pairs of segments whose bounding boxes, widened by `snap`, overlap."""
     low, high = np.minimum(start, end) - snap, np.maximum(start, end) + snap
-    axis = int(np.argmin(np.median(high - low, axis=0) / np.maximum(np.ptp(low, axis=0), snap)))
+    axis = int(np.argmin(np.median(high - low, axis=0) / np.maximum(np.ptp(low, axis=0), max(snap, 1e-300))))
     order = np.argsort(low[:, axis], kind="stable")
     sorted_low = low[order, axis]
     until = np.searchsorted(sorted_low, high[order, axis], side="right")
