@@ -45,9 +45,8 @@ def test_the_functional_surface_is_found_again_in_the_file(tmp_path):
 
 
 def test_the_benchmark_takes_a_faces_true_outline():
-    from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox, BRepPrimAPI_MakeCylinder
-
     from benchmarks.surface import _border
+    from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox, BRepPrimAPI_MakeCylinder
 
     box = tessellate(BRepPrimAPI_MakeBox(3.0, 4.0, 5.0).Shape())
     border = _border(box, (box.nearest_face((1.5, 2.0, 9.0)),), 0.1)
