@@ -75,6 +75,7 @@ def _inside(model: SurfaceModel, params: SurfaceParams) -> dict[str, Any]:
                 "n_points": found.n_points,
                 "area": found.area,
                 "enclosed": found.enclosed,
+                "planar": found.planar,
                 "seed": found.place + model.cloud.origin,
             }
             for found in candidates
@@ -131,7 +132,7 @@ def _warnings(model: SurfaceModel) -> list[str]:
     warnings = [*model.fit.notes, *model.face.notes]
     region, outline = model.region, model.trim.outline
     if region is not None and region.chosen != 0:
-        warnings.append("The largest surface found is open; the largest one that edges enclose was taken. A seed chooses another.")
+        warnings.append("A larger surface was found, but is a plane or less enclosed by edges; a seed point on it chooses it.")
     if outline.n_left_out:
         parts = ", ".join(str(n) for n in outline.n_left_out[:5])
         warnings.append(
