@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.spatial import KDTree
 
 from scan2nurbs.kernels.cells import build_cells
-from scan2nurbs.kernels.graph import components
+from scan2nurbs.kernels.graph import basins
 from scan2nurbs.kernels.moments import ball_planes
 from scan2nurbs.kernels.nearest import nearest_neighbours, nearest_to
 from scan2nurbs.kernels.one_sided import normal_differences, one_sided_planes
@@ -213,13 +213,24 @@ def test_normal_differences_equal_a_quantile(points, factor, quantile):
             assert got[i] == pytest.approx(angles[int(np.ceil(quantile * len(angles))) - 1], abs=1e-6)
 
 
-def test_components_follow_links_both_ways():
-    neighbours = np.array([[1], [-1], [1], [4], [-1], [5]], np.int32)
-    linked = neighbours >= 0
-    everyone = np.ones(6, bool)
-    assert components(neighbours, everyone, linked).tolist() == [0, 0, 0, 1, 1, 2]
-    without_1 = np.array([True, False, True, True, True, True])
-    assert components(neighbours, without_1, linked).tolist() == [0, -1, 1, 2, 2, 3]
+def test_basins_are_parted_by_deep_saddles_only():
+    height = np.array([1.0, 5.0, 3.0, 3.5, 3.2, 0.5, 4.0, 0.2])
+    n = len(height)
+    neighbours = np.array([[i - 1, i + 1 if i + 1 < n else -1] for i in range(n)], np.int32)
+    linked, everyone = neighbours >= 0, np.ones(n, bool)
+    assert basins(neighbours, linked, height, everyone, 1.0).tolist() == [0, 0, 0, 0, 0, 0, 1, 1]
+    assert basins(neighbours, linked, height, everyone, 0.1).tolist() == [0, 0, 0, 2, 2, 2, 1, 1]
+    assert basins(neighbours, linked, height, everyone, 10.0).tolist() == [0] * n
+    dry = everyone.copy()
+    dry[2] = False
+    assert basins(neighbours, linked, height, dry, 10.0).tolist() == [0, 0, -1, 1, 1, 1, 1, 1]
     cut = linked.copy()
-    cut[3] = False
-    assert components(neighbours, everyone, cut).tolist() == [0, 0, 0, 1, 2, 3]
+    cut[[4, 5], [1, 0]] = False
+    assert basins(neighbours, cut, height, everyone, 10.0).tolist() == [0, 0, 0, 0, 0, 1, 1, 1]
+
+
+def test_level_ground_is_one_basin():
+    cells = build_cells(wavy(2000), 4.0)
+    neighbours, _ = nearest_neighbours(cells, 8)
+    labels = basins(neighbours, neighbours >= 0, np.full(2000, 7.0), np.ones(2000, bool), 1.0)
+    assert labels.max() == 0
