@@ -29,9 +29,9 @@ lint: $(VENV)/.lint-stamp ## Check style, types and layers
 	$(BIN)/pyright --pythonpath $(BIN)/python
 	$(BIN)/lint-imports
 
-bench: $(VENV)/.test-stamp ## Measure speed and accuracy
-	@for name in $(basename $(notdir $(filter-out %/__init__.py,$(wildcard benchmarks/*.py)))); do \
-	  echo "== benchmarks.$$name"; $(BIN)/python -m benchmarks.$$name || exit 1; done
+bench: $(VENV)/.test-stamp ## Measure accuracy and speed; with SCANS=FOLDER on the scans of a folder too
+	$(BIN)/python -m benchmarks.surface
+	@[ -z "$(SCANS)" ] || $(BIN)/python -m benchmarks.scans "$(SCANS)"
 
 gallery: $(VENV)/.test-stamp ## Redo the paper's experiments and their pictures
 	$(BIN)/python -m examples.paper
