@@ -50,7 +50,7 @@ def circle(u: float, v: float, ru: float, rv: float | None = None, n: int = 200)
     return np.column_stack([u + ru * np.cos(t), v + (ru if rv is None else rv) * np.sin(t)])
 
 
-def true_area(surface: BSplineSurface, loops: list[Floats], n: int = 500) -> float:
+def true_area(surface: BSplineSurface, loops: list[Floats], n: int = 200) -> float:
     """The area of the surface inside the first loop and outside the others, by the midpoint rule."""
     steps = (np.arange(n) + 0.5) / n
     (u0, u1), (v0, v1) = surface.domain

@@ -15,7 +15,7 @@ SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 CASES = [
     ([SQUARE, SQUARE + 0.5], lambda w: w[0] and w[1], [0.25]),
     ([SQUARE, SQUARE + 0.5], lambda w: w[0] and not w[1], [0.75]),
-    ([SQUARE, SQUARE + [0.5, 0.0]], lambda w: w.any(), [1.5]),
+    ([SQUARE, SQUARE + np.array([0.5, 0.0])], lambda w: w.any(), [1.5]),
     ([SQUARE, 0.25 + 0.5 * SQUARE], lambda w: w[0] and not w[1], [-0.25, 1.0]),
     ([SQUARE, SQUARE[::-1]], lambda w: w[0] and w[1], [1.0]),
     ([SQUARE, np.array([[0.2, 0.0], [0.5, 0.5], [0.8, 0.0]])], lambda w: w[0] and not w[1], [0.85]),

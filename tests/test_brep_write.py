@@ -33,7 +33,7 @@ STEP_UNITS = {
     "in": r"CONVERSION_BASED_UNIT\('INCH'",
     "ft": r"CONVERSION_BASED_UNIT\('FOOT'",
 }
-IGES_UNITS = {"mm": "2HMM", "cm": "2HCM", "m": "1HM", "um": "2HUM", "in": "2HIN", "ft": "2HFT"}
+IGES_UNITS = {"mm": "2HMM", "cm": "2HCM", "m": "1HM", "um": "2HUM", "in": "4HINCH", "ft": "2HFT"}
 TURN = np.linspace(0, 1, 101)
 
 
