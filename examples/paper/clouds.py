@@ -13,8 +13,6 @@ from scan2nurbs.simulate import SimulatedScan, simulate_scan
 
 from .truth import SHARP, TOLERANCE, MeshEdges, StandIn, edges_between_faces, seen_by
 
-SIZES = {"shallow_step": 26_975, "insert": 45_000, "complex_body": 1_678_267}
-
 # One view from above: what the scanner sees of Fig. 6 is the surface itself, open at its border, without the sides of a block.
 SCANS: dict[str, dict[str, Any]] = {"shallow_step": {"views": 1, "spread": 0.0}}
 
@@ -74,6 +72,7 @@ def with_truth(title: str, scan: SimulatedScan, part: CadPart, functional: int, 
         clean=scan.clean,
         inside=scan.face == functional,
         judged=~doubtful,
+        side=_sides(scan, every, functional, step, wall),
         near=near,
         edges=samples,
         detail=small[faces].any(axis=1) if not smooth_step else np.zeros(len(samples), bool),
@@ -81,6 +80,14 @@ def with_truth(title: str, scan: SimulatedScan, part: CadPart, functional: int, 
         h=h,
         sigma=scan.noise,
     )
+
+
+def _sides(scan: SimulatedScan, every: MeshEdges, functional: int, step: np.ndarray, wall: int) -> np.ndarray:
+    """Count the upper rounding of a step to the inside."""
+    beside = every.faces[(every.faces == functional).any(axis=1)]
+    upper = [face for face in step if (beside == face).any()]
+    side = np.where(np.isin(scan.face, [functional, *upper]), 1, -1)
+    return np.where(scan.face == wall, 0, side).astype(np.int8)
 
 
 def _step_faces(part: CadPart, every: MeshEdges, functional: int) -> np.ndarray:

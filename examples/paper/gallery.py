@@ -24,7 +24,8 @@ from .procedure import THIN_RADIUS, DefaultRun, PaperRun, as_in_the_paper, by_de
 from .truth import InsideScore, LineScore, StandIn, score_inside, score_line
 
 SMALL = ("shallow_step", "insert")
-OUTLINES = ("convex", "ring", "star", "l_shape", "u_shape")
+OUTLINES = ("shallow_step", "insert", "convex", "star", "ring", "l_shape", "u_shape")
+OUTLINE_NOISE = 0.1
 WIDE_DELTA = 40.0
 """δ of the second run of the default procedure on the insert, whose ridge turns by more than the default δ."""
 
@@ -99,7 +100,7 @@ def _warm_up() -> None:
 
 def _nothing_known(points: np.ndarray) -> StandIn:
     no, none = np.zeros(len(points), bool), np.empty((0, 3))
-    return StandIn("", points, points, no, ~no, no, none, np.zeros(0, bool), none, 1.0, 0.0)
+    return StandIn("", points, points, no, ~no, no.astype(np.int8), no, none, np.zeros(0, bool), none, 1.0, 0.0)
 
 
 def _small_scan(name: str, results: Results) -> None:
@@ -123,15 +124,15 @@ def _small_scan(name: str, results: Results) -> None:
 
 def _premise(cloud: StandIn, marks: Detected) -> Premise:
     distance, _ = KDTree(cloud.border).query(cloud.clean)
-    beside = marks.mask & (distance <= 4 * cloud.h)
+    beside = marks.mask & (distance <= 4 * cloud.h) & (cloud.side != 0)
     band = cloud.points[distance <= 2 * cloud.h]
     ideal = tuple(score_line(cloud, approximate_boundary(band, THIN_RADIUS * cloud.h, times=k)) for k in (1, 2, 3))
-    return Premise(float(cloud.inside[beside].mean()) if beside.any() else np.nan, ideal)
+    return Premise(float((cloud.side[beside] > 0).mean()) if beside.any() else np.nan, ideal)
 
 
 def _outline(name: str) -> Outline:
     model = Model(name)
-    cloud = model.scan(noise=0.1)
+    cloud = model.scan(noise=OUTLINE_NOISE)
     default = by_default(cloud, model.part.seed)
     exact = score_inside(cloud, enclosed_by_centroid(cloud.points, cloud.border))
     return Outline(len(cloud), exact, None if default is None else default.inside)
@@ -163,4 +164,4 @@ def _large_scan(folder: Path, results: Results) -> None:
     cloud = Model("complex_body").scan()
     runs = [*ex.combined(cloud, ex.FIG11_ALPHAS, ex.FIG11), ex.robust(cloud)]
     results.clouds["complex_body"], results.large = cloud, {run.name: run for run in runs}
-    marks_sheet(folder / "fig11.png", cloud, [None, *runs], columns=3, detail=True, colours=48)
+    marks_sheet(folder / "fig11.png", cloud, [None, *runs], columns=3, detail=True, colours=128)

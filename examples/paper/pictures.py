@@ -57,7 +57,7 @@ def procedure_sheet(path: Path, cloud: StandIn, name: str, paper: PaperRun, defa
     note = f"accuracy {paper.inside.accuracy:.3f}, IoU {paper.inside.iou:.2f}"
     panels.append(Panel("(7) Algorithm 3: inside", note, cloud.points, sides(cloud, paper.found), paper.chosen))
     if paper.surface is not None and paper.score is not None:
-        note = f"rms {paper.score.rms:.2f} σ from the true surface, where it is"
+        note = f"rms {paper.score.in_sigma:.2f} σ from the true surface, where it is"
         panels.append(_patch("(8) B-spline surface", note, paper.surface, cloud.points[paper.found], 1.5 * cloud.h))
     else:
         panels.append(Panel("(8) no surface", "the points determine none", cloud.points, plain(cloud.points)))
@@ -79,7 +79,7 @@ def _default_panels(cloud: StandIn, name: str, run: DefaultRun) -> list[Panel]:
     origin, mask = model.cloud.origin, model.cloud.to_rows(model.edges.mask, False)
     curves = [np.asarray(curve.sample(0.5 * model.scale.h)) + origin for curve in model.boundary.curves]
     covered = f"{line.covered:.0%} of the border covered by their points"
-    rms = f"rms {run.score.rms:.2f} σ from the true surface, where it is"
+    rms = f"rms {run.score.in_sigma:.2f} σ from the true surface, where it is"
     return [
         Panel(f"{name}: marked points", said(score_edges(cloud, mask)), cloud.points, marked(cloud, mask)),
         Panel(f"{name}: boundary curves", covered, cloud.points, plain(cloud.points), lines=curves),

@@ -33,14 +33,16 @@ class SurfaceScore:
 
     Attributes
     ----------
-    rms, p95 : float
-        In sigma, the standard deviation of the noise.
+    rms : float
+        In h.
+    in_sigma : float
+        The same in units of the noise's standard deviation; NaN without noise.
     covered : float
         Share of the functional surface's points (without doubtful ones) that were fitted.
     """
 
     rms: float
-    p95: float
+    in_sigma: float
     covered: float
 
 
@@ -126,9 +128,9 @@ def score_surface(cloud: StandIn, surface: BSplineSurface, uv: Array, fitted: Ma
     used = np.flatnonzero(wanted & fitted)
     if len(used) == 0:
         return SurfaceScore(np.nan, np.nan, 0.0)
-    distance = foot_points(surface, cloud.clean[used], uv[used]).distance / max(cloud.sigma, 1e-3 * cloud.h)
-    covered = len(used) / np.count_nonzero(wanted)
-    return SurfaceScore(float(np.sqrt((distance**2).mean())), float(np.quantile(distance, 0.95)), covered)
+    distance = foot_points(surface, cloud.clean[used], uv[used]).distance
+    rms = float(np.sqrt((distance**2).mean()))
+    return SurfaceScore(rms / cloud.h, rms / cloud.sigma if cloud.sigma > 0 else np.nan, len(used) / np.count_nonzero(wanted))
 
 
 @dataclass(frozen=True)

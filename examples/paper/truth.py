@@ -94,6 +94,8 @@ class StandIn:
         Points of the functional surface.
     judged : (N,) bool
         Points that are inside or outside without doubt: farther than 2 h from its border.
+    side : (N,) int8
+        On which side of that border a point lies: 1 inside, −1 outside, 0 on the wall of a smooth step.
     near : (N,) bool
         Points within 2 h of a true edge.
     edges : (K, 3) float64
@@ -111,6 +113,7 @@ class StandIn:
     clean: Array
     inside: Mask
     judged: Mask
+    side: NDArray[np.int8]
     near: Mask
     edges: Array
     detail: Mask
@@ -152,8 +155,8 @@ class EdgeScore:
 
 def score_edges(cloud: StandIn, mask: Mask) -> EdgeScore:
     """Compare marked points with the true edges."""
-    if not mask.any():
-        return EdgeScore(0.0, 0.0, 0.0, 0.0)
+    if not mask.any() or len(cloud.edges) == 0:
+        return EdgeScore(float(mask.mean()), 0.0, 0.0, 0.0)
     found = reached(cloud.edges, cloud.clean[mask], TOLERANCE * cloud.h)
     detail = float(found[cloud.detail].mean()) if cloud.detail.any() else np.nan
     return EdgeScore(float(mask.mean()), float(cloud.near[mask].mean()), float(found.mean()), detail)
