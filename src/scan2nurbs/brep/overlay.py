@@ -48,9 +48,7 @@ def overlay(loops: Sequence[Floats], keep: Callable[[Ints], bool], *, snap: floa
     for _ in range(_PASSES):
         # Snapping moves segments by up to a snap: further passes find what that made meet.
         points, sequences = _arrangement([points[ids] for ids in sequences], snap)
-    loops = [points[ids] for ids in sequences]
-    chains = [_oriented(points, chain, loops, keep, snap) for chain in _chains(sequences)]
-    border = [chain for chain in chains if chain is not None]
+    border = _border(points, _chains(sequences), [points[ids] for ids in sequences], keep, snap)
     return [points[loop] for loop in _link(points, border + _bridges(points, border, _REACH * snap))]
 
 
@@ -183,22 +181,20 @@ def _chains(sequences: list[Ints]) -> list[Ints]:
     return list(chains.values())
 
 
-def _oriented(points: Floats, chain: Ints, loops: Sequence[Floats], keep: Callable[[Ints], bool], snap: float) -> Ints | None:
-    """Return the chain with the region on its left, or None where both sides are alike."""
-    path = points[chain]
-    step = np.diff(path, axis=0)
-    length = np.linalg.norm(step, axis=1)
-    k = int(np.argmax(length))
-    left = np.array([-step[k, 1], step[k, 0]]) / length[k]
-    middle = 0.5 * (path[k] + path[k + 1])
-    # In the cell beside the chain: other segments were split and snapped where they come closer than a snap. Clear of rounding, too.
-    away = 0.25 * snap
-    sides = np.array([middle + away * left, middle - away * left])
-    numbers = np.stack([winding(loop, sides) for loop in loops], axis=1)
-    inside_left, inside_right = keep(numbers[0]), keep(numbers[1])
-    if inside_left == inside_right:
-        return None
-    return chain if inside_left else chain[::-1]
+def _border(points: Floats, chains: list[Ints], loops: Sequence[Floats], keep: Callable[[Ints], bool], snap: float) -> list[Ints]:
+    """Return the chains with the region on one side only, turned so that it is the left one."""
+    probes = np.empty((2 * len(chains), 2))
+    for k, chain in enumerate(chains):
+        step = np.diff(points[chain], axis=0)
+        length = np.linalg.norm(step, axis=1)
+        longest = int(np.argmax(length))
+        middle = points[chain[longest]] + 0.5 * step[longest]
+        # In the cell beside the chain: other segments were split and snapped where they come closer than a snap.
+        left = 0.25 * snap / length[longest] * np.array([-step[longest, 1], step[longest, 0]])
+        probes[2 * k : 2 * k + 2] = middle + left, middle - left
+    inside = [keep(numbers) for numbers in np.stack([winding(loop, probes) for loop in loops], axis=1)]
+    sides = zip(chains, inside[::2], inside[1::2], strict=True)
+    return [chain if on_left else chain[::-1] for chain, on_left, on_right in sides if on_left != on_right]
 
 
 def _bridges(points: Floats, chains: list[Ints], reach: float) -> list[Ints]:
