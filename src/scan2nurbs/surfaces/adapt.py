@@ -142,7 +142,7 @@ def _pruned(task: Task, state: State) -> State:
 
     def fit_without(u: Axis, v: Axis) -> Spline | None:
         nonlocal best
-        found = _refit(task, _refit(task, best, u, v), u, v)
+        found = _refit(task, _refit(task, best, u, v, keep_fairness=True), u, v, keep_fairness=True)
         # The weights of the fuller net judge both, so that a point turned outlier does not pay for a knot.
         rise = float(
             np.sum(best.weights * (np.minimum(found.whole, _FAR * best.noise) ** 2 - np.minimum(best.whole, _FAR * best.noise) ** 2))
@@ -168,10 +168,11 @@ def settle(task: Task, state: State, points: NDArray[np.float64], uv: NDArray[np
     uv, normal, whole = state.spline.foot_points(points, uv, 2 * _STEPS)
     # A surface that has settled has no regions left to wait for: what deviates now is a neighbouring face or worse.
     lenience = np.inf if state.notes else 1.25
-    before, spline = np.inf, state.spline
+    before, spline, decade = np.inf, state.spline, None
     for _ in range(5):
         weights = task.weigh(uv, normal, whole, lenience).weights
-        spline = fit_spline(u, v, uv, points, weights, task.smoothness, task.slack(u, v, state.noise))
+        spline = fit_spline(u, v, uv, points, weights, task.smoothness, task.slack(u, v, state.noise), decade)
+        decade = spline.decade
         uv, normal, whole = spline.foot_points(points, uv, _STEPS)
         rms = float(np.sqrt(np.average(normal**2, weights=weights)))
         if abs(before - rms) <= 1e-3 * rms:
@@ -242,8 +243,10 @@ def _start(task: Task) -> State:
     return State(spline, uv, normal, whole, weighing.weights, noise, tolerance, 0)
 
 
-def _refit(task: Task, state: State, u: Axis, v: Axis) -> State:
-    spline = fit_spline(u, v, state.uv, task.points, state.weights, task.smoothness, task.slack(u, v, state.noise))
+def _refit(task: Task, state: State, u: Axis, v: Axis, keep_fairness: bool = False) -> State:
+    # Fairness is chosen once for a net.
+    known = state.spline.decade if keep_fairness or (u is state.spline.u and v is state.spline.v) else None
+    spline = fit_spline(u, v, state.uv, task.points, state.weights, task.smoothness, task.slack(u, v, state.noise), known)
     uv, normal, whole = spline.foot_points(task.points, state.uv, _STEPS)
     weighing = task.weigh(uv, normal, whole)
     noise, tolerance = task.resolve(weighing.noise)

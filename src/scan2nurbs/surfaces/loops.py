@@ -14,6 +14,8 @@ _CORNERS = 400
 # In corner spacings; loops shorter than three times this are filled.
 _REACH = 3.2
 _ZERO = 1e-7
+# A sheet has about ten edges a corner within that reach; what has many more is a volume.
+_MOST_EDGES = 15
 
 
 def angle_around(nodes: Nodes) -> NDArray[np.float64] | None:
@@ -29,6 +31,8 @@ def angle_around(nodes: Nodes) -> NDArray[np.float64] | None:
         return None
     near = np.where(np.eye(len(corners), dtype=bool), np.inf, distance[:, corners]).min(axis=1)
     i, j = np.nonzero(np.triu(distance[:, corners] <= _REACH * np.median(near), 1))
+    if len(i) > _MOST_EDGES * len(corners):
+        return None
     edges = np.stack([i, j], axis=1)
     form = _harmonic(edges, len(corners))
     if form is None:

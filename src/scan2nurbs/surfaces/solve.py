@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
 
 from scan2nurbs.errors import NoResultError
 from scan2nurbs.kernels.bspline import foot_points_range, normal_equations_range
+from scan2nurbs.kernels.bspline_band import PADDING, factor_band, solve_band
 from scan2nurbs.kernels.runner import run_ranges
 from scan2nurbs.surfaces.axis import Axis
 from scan2nurbs.surfaces.bspline import BSplineSurface, evaluate_spline
@@ -23,11 +23,12 @@ _CALM = 10.0
 
 @dataclass(frozen=True)
 class Spline:
-    """A surface under construction: two axes and the free coefficients (n_u, n_v, 3)."""
+    """A surface under construction: two axes, the free coefficients (n_u, n_v, 3), and by how many decades fairness was lowered."""
 
     u: Axis
     v: Axis
     control: NDArray[np.float64]
+    decade: int = 0
 
     @property
     def reach(self) -> float:
@@ -93,6 +94,7 @@ def fit_spline(
     weights: NDArray[np.float64],
     smoothness: float,
     slack: float = 0.0,
+    decade: int | None = None,
 ) -> Spline:
     """Minimise the weighted squared distance at fixed parameters plus a thin-plate fairness.
 
@@ -110,6 +112,8 @@ def fit_spline(
         Largest weight of the fairness, relative to the mean weight of the points in one span; it has no unit.
     slack : float
         By how much fairness may raise the sum of squares; its weight falls by up to five decades until it does not.
+    decade : int, optional
+        By how many decades it falls, where that is known.
 
     Raises
     ------
@@ -125,6 +129,8 @@ def fit_spline(
         fade = 10.0**-decade
         return solve_banded(u, v, matrix + smoothness * (fade * fair + _CALM * fade**0.7 * calm), right)
 
+    if decade is not None:
+        return Spline(u, v, solve(decade), decade)
     best, loose, firm = solve(_DECADES), 0, _DECADES
     closest = best
     # The weight that is accepted is found by bisection: the rise grows with it.
@@ -135,7 +141,7 @@ def fit_spline(
             best, firm = control, middle
         else:
             loose = middle + 1
-    return Spline(u, v, best)
+    return Spline(u, v, best, firm)
 
 
 def quadratic_form(u: Axis, v: Axis, matrix: NDArray[np.float64], x: NDArray[np.float64]) -> float:
@@ -207,27 +213,24 @@ def solve_banded(u: Axis, v: Axis, matrix: NDArray[np.float64], right: NDArray[n
     else:
         place = fold_v[None, :] * n_u + fold_u[:, None]
     width = min(width_u * n_v + width_v, width_v * n_u + width_u, n_u * n_v - 1)
-    band = np.zeros((width + 1, n_u * n_v))
+    band = np.zeros((n_u * n_v, width + 1 + PADDING))
     for a in range(p + 1):
         rows = np.arange(n_u if u.closed else max(n_u - a, 0))
         for b in range(-q if a else 0, q + 1):
             columns = np.arange(n_v) if v.closed else np.arange(max(0, -b), min(n_v, n_v - b))
             first = place[rows[:, None], columns[None, :]]
             second = place[(rows[:, None] + a) % n_u, (columns[None, :] + b) % n_v]
-            np.add.at(band, (np.abs(first - second), np.minimum(first, second)), matrix[rows[:, None], columns[None, :], a, q + b])
+            np.add.at(band, (np.minimum(first, second), np.abs(first - second)), matrix[rows[:, None], columns[None, :], a, q + b])
     # A trace of the mean diagonal keeps a system without points in some corner solvable, far below what can be seen.
-    band[0] += 1e-13 * band[0].mean()
+    band[:, 0] += 1e-13 * band[:, 0].mean()
     flat = np.empty((n_u * n_v, 3))
     flat[place.ravel()] = right.reshape(-1, 3)
-    try:
-        solution = cho_solve_banded(
-            (cholesky_banded(band, lower=True, overwrite_ab=True, check_finite=False), True), flat, check_finite=False
-        )
-    except LinAlgError as error:
-        raise NoResultError("The points do not determine a surface: the least-squares system is singular.") from error
-    if not np.isfinite(solution).all():
+    if factor_band(band) != 0:
+        raise NoResultError("The points do not determine a surface: the least-squares system is singular.")
+    solve_band(band, flat)
+    if not np.isfinite(flat).all():
         raise NoResultError("The points do not determine a surface: the least-squares solution is not finite.")
-    return np.ascontiguousarray(solution[place])
+    return np.ascontiguousarray(flat[place])
 
 
 def _fold(axis: Axis) -> NDArray[np.int64]:
