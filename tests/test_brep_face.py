@@ -166,6 +166,24 @@ def test_the_seam_moves_out_of_a_patch(wrap):
     assert face.area == pytest.approx(true_area(cylinder(), [circle(0.27, 20.0, 0.1, 6.0)]), rel=5e-3)
 
 
+def test_a_tube_that_closes_in_v_and_a_torus():
+    tube = cylinder()
+    turned = BSplineSurface((1, 2), tube.knots[::-1], tube.control_points.transpose(1, 0, 2).copy(), tube.weights.T.copy(), (False, True))
+    loops = [Loop(loop.uv[:, ::-1], closed=False) for loop in (ring(10.0), ring(30.0))]
+    face = trimmed_face(turned, [*loops, circle(20.0, 0.01, 5.0, 0.08)], tolerance=0.02)
+    same = trimmed_face(tube, [ring(10.0), ring(30.0), circle(0.01, 20.0, 0.08, 5.0)], tolerance=0.02)
+    assert face.valid
+    assert (face.n_edges, face.area) == (same.n_edges, pytest.approx(same.area, rel=1e-3))
+
+    section = tube.control_points[:, 0, :2] / 10.0
+    points = np.array([[[*((4 + q[0]) * p), q[1]] for q in section] for p in section])
+    weights = np.outer(tube.weights[:, 0], tube.weights[:, 0])
+    torus = trimmed_face(BSplineSurface((2, 2), (tube.knots[0], tube.knots[0]), points, weights, (True, True)), tolerance=0.01)
+    found = check(torus.shape)
+    assert (found.valid, found.closed, found.n_edges) == (True, True, 2)
+    assert found.volume == pytest.approx(2 * np.pi**2 * 4, rel=1e-5)
+
+
 def test_a_rolled_surface_is_the_same_surface():
     tube = with_true_seams(cylinder(), [])
     moved = roll(tube, 0, 0.3)

@@ -10,6 +10,10 @@ from typing import Any
 
 from scan2nurbs.brep.occ import kernel_errors, silence
 
+_DEFLECTION = 1e-2
+_FAILURES = 0x1 | 0x2 | 0x4
+"""IMeshData_Status: an open wire, a wire that crosses itself, a failure."""
+
 
 @dataclass(frozen=True)
 class ModelCheck:
@@ -18,7 +22,7 @@ class ModelCheck:
     Attributes
     ----------
     valid : bool
-        Whether the kernel's own analysis (BRepCheck) finds nothing wrong.
+        Whether the kernel's own analysis (BRepCheck) finds nothing wrong, before and after the shape is triangulated.
     n_faces, n_edges : int
         Distinct faces, and distinct edges that are not shrunk to a point.
     free_edges : int
@@ -42,7 +46,7 @@ class ModelCheck:
 
 
 def check(shape: Any) -> ModelCheck:
-    """Analyse a ``TopoDS_Shape``.
+    """Analyse a ``TopoDS_Shape``, as it is and once it is triangulated: edges that only a wide tolerance holds on fail then.
 
     Raises
     ------
@@ -50,7 +54,6 @@ def check(shape: Any) -> ModelCheck:
         If the kernel cannot even analyse it.
     """
     from OCP.BRep import BRep_Tool
-    from OCP.BRepCheck import BRepCheck_Analyzer
     from OCP.BRepGProp import BRepGProp
     from OCP.collections import IndexedDataMap_TopoDS_Shape_List_TopoDS_Shape_TopTools_ShapeMapHasher as EdgeMap
     from OCP.collections import IndexedMap_TopoDS_Shape_TopTools_ShapeMapHasher as ShapeMap
@@ -62,7 +65,7 @@ def check(shape: Any) -> ModelCheck:
 
     silence()
     with kernel_errors("analyse the shape"):
-        valid = bool(BRepCheck_Analyzer(shape, True).IsValid())
+        valid = is_valid(shape) and _is_valid_meshed(shape)
         faces, edges = ShapeMap(), EdgeMap()
         TopExp.MapShapes_s(shape, TopAbs_FACE, faces)
         TopExp.MapShapesAndAncestors_s(shape, TopAbs_EDGE, TopAbs_FACE, edges)
@@ -98,3 +101,18 @@ def is_valid(shape: Any) -> bool:
 
     with kernel_errors("analyse the shape"):
         return bool(BRepCheck_Analyzer(shape, True).IsValid())
+
+
+def _is_valid_meshed(shape: Any) -> bool:
+    from OCP.Bnd import Bnd_Box
+    from OCP.BRepBndLib import BRepBndLib
+    from OCP.BRepBuilderAPI import BRepBuilderAPI_Copy
+    from OCP.BRepMesh import BRepMesh_IncrementalMesh
+
+    box = Bnd_Box()
+    BRepBndLib.Add_s(shape, box, False)
+    if box.IsVoid():
+        return True
+    copy = BRepBuilderAPI_Copy(shape).Shape()
+    mesh = BRepMesh_IncrementalMesh(copy, _DEFLECTION * box.SquareExtent() ** 0.5, False, 0.5, False)
+    return mesh.GetStatusFlags() & _FAILURES == 0 and is_valid(copy)
