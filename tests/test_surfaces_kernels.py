@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.interpolate import BSpline, NdBSpline
 
+from scan2nurbs.kernels.bspline_band import PADDING, factor_band, solve_band
 from scan2nurbs.kernels.runner import set_threads
 from scan2nurbs.surfaces.axis import Axis, basis_table
 from scan2nurbs.surfaces.prune import _normal_of
@@ -173,3 +174,25 @@ def test_threads_do_not_change_a_bit() -> None:
     for other in results[1:]:
         for a, b in zip(results[0], other, strict=True):
             np.testing.assert_array_equal(a, b)
+
+
+@given(seed=st.integers(0, 2**32 - 1), n=st.integers(1, 40), width=st.integers(0, 12))
+def test_banded_cholesky_equals_dense_algebra(seed: int, n: int, width: int) -> None:
+    rng = np.random.default_rng(seed)
+    width = min(width, n - 1)
+    lower = np.tril(np.triu(rng.normal(size=(n, n)), -width)) + 2 * np.eye(n) * (1 + width)
+    matrix = lower @ lower.T
+    band = np.zeros((n, width + 1 + PADDING))
+    for d in range(width + 1):
+        band[: n - d, d] = np.diagonal(matrix, -d)
+    x = rng.normal(size=(n, 3))
+    expected = np.linalg.solve(matrix, x)
+    assert factor_band(band) == 0
+    solve_band(band, x)
+    np.testing.assert_allclose(x, expected, rtol=1e-7, atol=1e-10)
+
+
+def test_banded_cholesky_names_the_bad_pivot() -> None:
+    band = np.zeros((4, 2 + PADDING))
+    band[:, 0] = [1, 2, -1, 3]
+    assert factor_band(band) == 3

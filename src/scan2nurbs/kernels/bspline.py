@@ -283,7 +283,7 @@ def foot_points_range(
             else:
                 damping *= 0.25
             longest = max(abs(du), abs(dv))
-            if longest * damping < 1e-12 * (high_u - low_u + high_v - low_v):
+            if longest * damping < 1e-8 * (high_u - low_u + high_v - low_v):
                 break
             scale = damping * min(1.0, reach / longest)
             u = _into(best_u + scale * du, low_u, high_u, closed_u)
