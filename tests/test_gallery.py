@@ -33,7 +33,7 @@ def box() -> truth.StandIn:
 
 @pytest.fixture(scope="module")
 def step() -> truth.StandIn:
-    return Model("shallow_step").scan(n_points=9000)
+    return Model("shallow_step").scan(n_points=6000)
 
 
 def test_the_edges_of_a_box_are_its_twelve(box):
@@ -82,7 +82,7 @@ def test_the_scores_of_perfect_and_of_wrong_marks(box):
 
 
 def test_the_step_lies_between_inside_and_outside(step):
-    assert len(step) == 9000
+    assert len(step) == 6000
     assert step.near.mean() < 0.5
     assert not step.inside[~step.judged].all()
     upper, lower = step.clean[step.judged & step.inside], step.clean[step.judged & ~step.inside]
@@ -131,6 +131,8 @@ def test_the_page_says_what_the_run_gave(step, tmp_path, monkeypatch):
     monkeypatch.setattr(gallery, "OUTLINES", ("shallow_step",))
     monkeypatch.setattr(gallery, "by_default", lambda *_: None)
     monkeypatch.setattr(ex, "NOISES", (0.1, 0.25))
+    monkeypatch.setattr(pictures, "WIDE", 60)
+    monkeypatch.setattr(pictures, "NARROW", 60)
     results = gallery.run(tmp_path / "images", say=lambda line: None)
     page = write_page(results, "images")
     said = statements.judge(results)
@@ -140,8 +142,14 @@ def test_the_page_says_what_the_run_gave(step, tmp_path, monkeypatch):
         assert item.evidence in page
     for picture in (tmp_path / "images").iterdir():
         assert f"(images/{picture.name})" in page
-        assert picture.stat().st_size < 300_000
     assert "nan" not in page.replace("nan ", "")
+
+
+def test_the_pictures_of_the_docs_are_small():
+    sizes = [picture.stat().st_size for picture in (ROOT / "docs" / "images" / "paper").glob("*.png")]
+    assert len(sizes) >= 7
+    assert max(sizes) < 300_000
+    assert sum(sizes) < 3_000_000
 
 
 def test_lists_of_noises_read_well():

@@ -27,8 +27,6 @@ _DPI = 100
 _GAP, _HEAD, _FOOT = 14, 44, 40
 """Pixels between panels, above each for its title, and below all for the legend."""
 
-_COLOURS = 96
-
 
 @dataclass(frozen=True)
 class Panel:
@@ -80,9 +78,7 @@ def view_of(cloud: StandIn) -> View:
     return choose_view(cloud.points)
 
 
-def draw_sheet(
-    path: Path, panels: Sequence[Panel], view: View, *, columns: int, legend: Mapping[str, str], width: int = 380, colours: int = _COLOURS
-) -> None:
+def draw_sheet(path: Path, panels: Sequence[Panel], view: View, *, columns: int, legend: Mapping[str, str], width: int = 380) -> None:
     """Draw panels side by side into a PNG file with a palette, so that it stays small.
 
     Parameters
@@ -104,7 +100,7 @@ def draw_sheet(
         _draw_panel(axes, panel, view, width, height)
     entries = [_entry(name, shade) for name, shade in legend.items()]
     figure.legend(handles=entries, loc="lower center", ncols=len(entries), frameon=False, fontsize=9, handletextpad=0.3)
-    _save(figure, path, colours)
+    _save(figure, path)
 
 
 def _entry(name: str, shade: str) -> Line2D:
@@ -151,14 +147,29 @@ def draw_lines(path: Path, x: Sequence[float], panels: Mapping[str, Mapping[str,
     grid[0].set_ylabel(labels[1])
     handles, names = grid[0].get_legend_handles_labels()
     figure.legend(handles, names, loc="outside lower center", ncols=len(names), frameon=False, fontsize=9)
-    _save(figure, path, _COLOURS)
+    _save(figure, path)
 
 
-def _save(figure: Figure, path: Path, colours: int) -> None:
+def _save(figure: Figure, path: Path) -> None:
     FigureCanvasAgg(figure)
     stream = io.BytesIO()
     figure.savefig(stream, format="png", metadata={"Software": None})
     stream.seek(0)
     path.parent.mkdir(parents=True, exist_ok=True)
     with Image.open(stream) as image:
-        image.convert("RGB").quantize(colours, dither=Image.Dither.NONE).save(path, optimize=True)
+        image.convert("RGB").quantize(palette=_palette(), dither=Image.Dither.NONE).save(path, optimize=True)
+
+
+def _palette() -> Image.Image:
+    """Make one palette for all pictures: shades of each colour, and what lies between it and grey or white; a rare colour stays itself."""
+    grey, white = np.array(to_rgb(GREY)), np.ones(3)
+    ramps = [np.linspace(0, 1, 33)[:, None] * white, np.linspace(0.55, 1, 26)[:, None] * grey]
+    for shade in (BLUE, ORANGE, GREEN, PINK):
+        colour = np.array(to_rgb(shade))
+        ramps.append(np.linspace(0.55, 1, 22)[:, None] * colour)
+        for other in (grey, 0.75 * grey, white):
+            ramps.append(colour + np.linspace(0, 1, 10)[1:-1, None] * (other - colour))
+    entries = np.round(255 * np.concatenate(ramps)).astype(np.uint8)
+    image = Image.new("P", (1, 1))
+    image.putpalette(np.concatenate([entries, np.repeat(entries[-1:], 256 - len(entries), axis=0)]).tobytes())
+    return image

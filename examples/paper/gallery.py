@@ -164,4 +164,4 @@ def _large_scan(folder: Path, results: Results) -> None:
     cloud = Model("complex_body").scan()
     runs = [*ex.combined(cloud, ex.FIG11_ALPHAS, ex.FIG11), ex.robust(cloud)]
     results.clouds["complex_body"], results.large = cloud, {run.name: run for run in runs}
-    marks_sheet(folder / "fig11.png", cloud, [None, *runs], columns=3, detail=True, colours=128)
+    marks_sheet(folder / "fig11.png", cloud, [None, *runs], columns=3, detail=True)

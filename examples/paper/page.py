@@ -214,6 +214,8 @@ def _decided() -> str:
 - A neighbourhood of r_s that carries no plane takes the next wider one (by √2, up to four times); a sector without a plane takes no part.
 - VDN by itself uses r_l: at r_s it would be undefined for most points.
 - A further run sees only the points that the previous run kept, with radii unchanged.
+- The density filter is the statistical one in its original form: the mean distance to the nearest 30 marked points is at most
+  one standard deviation above the average.
 - r_u is not given; it is 3 h here. Algorithm 2 takes points in a sweep along the longest axis.
 - The paper says of Fig. 11 (b) that α = 0 "is indeed the result got by DN operator"; by its eq. 2.4 it is VDN. The gallery shows both.
 - Noise is Gaussian across the surface and equal everywhere.

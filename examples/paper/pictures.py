@@ -15,6 +15,9 @@ from .experiments import Detected
 from .procedure import DefaultRun, PaperRun
 from .truth import Array, EdgeScore, StandIn, score_edges
 
+WIDE, NARROW = 380, 300
+"""Width of a panel in pixels, on sheets of three and of four columns."""
+
 MARKS = {"marked, within 2 h of a true edge": BLUE, "marked, far from any edge": ORANGE, "not marked": GREY}
 
 
@@ -28,9 +31,7 @@ def said(score: EdgeScore, *, detail: bool = False) -> str:
     return f"{score.marked:.0%} marked, precision {score.precision:.2f}, recall {score.recall:.2f}{more}"
 
 
-def marks_sheet(
-    path: Path, cloud: StandIn, runs: Sequence[Detected | None], *, columns: int, detail: bool = False, colours: int = 96
-) -> None:
+def marks_sheet(path: Path, cloud: StandIn, runs: Sequence[Detected | None], *, columns: int, detail: bool = False) -> None:
     """Show what each operator marked; the scan itself in the place of None."""
     panels = []
     for run in runs:
@@ -38,7 +39,7 @@ def marks_sheet(
             panels.append(truth_panel(cloud))
             continue
         panels.append(Panel(run.name, said(run.score, detail=detail), cloud.points, marked(cloud, run.mask)))
-    draw_sheet(path, panels, view_of(cloud), columns=columns, legend=MARKS, width=380, colours=colours)
+    draw_sheet(path, panels, view_of(cloud), columns=columns, legend=MARKS, width=WIDE)
 
 
 def procedure_sheet(path: Path, cloud: StandIn, name: str, paper: PaperRun, defaults: Mapping[str, DefaultRun | None]) -> None:
@@ -71,7 +72,7 @@ def procedure_sheet(path: Path, cloud: StandIn, name: str, paper: PaperRun, defa
         "thinned boundary point": "dot",
         "boundary curve": "line",
     }
-    draw_sheet(path, panels, view_of(cloud), columns=4, legend=legend, width=330)
+    draw_sheet(path, panels, view_of(cloud), columns=4, legend=legend, width=NARROW)
 
 
 def _default_panels(cloud: StandIn, name: str, run: DefaultRun) -> list[Panel]:

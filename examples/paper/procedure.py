@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 import scan2nurbs as s2n
-from scan2nurbs.edges.clean import density_filter
+from scan2nurbs.edges.clean import CleanParams, density_filter
 from scan2nurbs.edges.thin import approximate_boundary
 from scan2nurbs.errors import Scan2NurbsError
 from scan2nurbs.faces.inside import enclosed_by_centroid
@@ -22,6 +22,9 @@ from .truth import Array, InsideScore, LineScore, Mask, StandIn, score_inside, s
 
 THIN_RADIUS = 3.0
 """r_u in h; the paper does not say which it used."""
+
+FILTER = CleanParams(neighbours=30, robust=False, deviations=1.0, noise_factor=0.0)
+"""The statistical filter in its original form: mean distance to 30 neighbours at most the mean of all and one standard deviation."""
 
 BY_HAND = 4.0
 """The stand-in for the paper's removal of undesired points by hand: what lies farther than so many h from the true border."""
@@ -83,7 +86,7 @@ def as_in_the_paper(cloud: StandIn, marked: Mask) -> PaperRun:
     """Run the filter, Algorithm 2 three times, removal by hand, Algorithm 3 and the fit."""
     scale = s2n.measure(cloud.points).scale
     dense = marked.copy()
-    dense[marked] = density_filter(cloud.points[marked], spacing=scale.h, noise=scale.noise)
+    dense[marked] = density_filter(cloud.points[marked], spacing=scale.h, params=FILTER)
     thinned = tuple(approximate_boundary(cloud.points[dense], THIN_RADIUS * scale.h, times=k) for k in (1, 2, 3))
     chosen = thinned[-1][KDTree(cloud.border).query(thinned[-1])[0] <= BY_HAND * cloud.h]
     found = enclosed_by_centroid(cloud.points, chosen) if len(chosen) else np.zeros(len(cloud), bool)
