@@ -66,6 +66,9 @@ def with_truth(title: str, scan: SimulatedScan, part: CadPart, functional: int, 
     edge_of_inside = np.concatenate([border, scan.clean[on_step]])
     doubtful = np.isfinite(KDTree(edge_of_inside).query(scan.clean, distance_upper_bound=TOLERANCE * h)[0])
     small = part.face_area < np.pi * (DETAIL * 0.85 * h) ** 2
+    detail = np.zeros(len(samples), bool)
+    if not smooth_step:
+        detail[:] = small[faces].any(axis=1)
     return StandIn(
         title=title,
         points=scan.points,
@@ -75,7 +78,7 @@ def with_truth(title: str, scan: SimulatedScan, part: CadPart, functional: int, 
         side=_sides(scan, every, functional, step, wall),
         near=near,
         edges=samples,
-        detail=small[faces].any(axis=1) if not smooth_step else np.zeros(len(samples), bool),
+        detail=detail,
         border=border,
         h=h,
         sigma=scan.noise,

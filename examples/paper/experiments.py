@@ -17,9 +17,9 @@ from .truth import EdgeScore, Mask, StandIn, score_edges
 DELTA = 20.0
 ROBUST = "one-sided normals (default)"
 SEQUENCE = "VDN three times, then DN"
-FIG7 = {"small_radius": 1.5, "large_radius": 10.0, "threshold": DELTA}
-FIG9 = {"small_radius": 1.5, "large_radius": 20.0, "threshold": DELTA}
-FIG11 = {"small_radius": 1.5, "large_radius": 30.0, "threshold": DELTA}
+FIG7: dict[str, Any] = {"small_radius": 1.5, "large_radius": 10.0, "threshold": DELTA}
+FIG9: dict[str, Any] = {"small_radius": 1.5, "large_radius": 20.0, "threshold": DELTA}
+FIG11: dict[str, Any] = {"small_radius": 1.5, "large_radius": 30.0, "threshold": DELTA}
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ def in_sequence(cloud: StandIn) -> Detected:
     return detected(cloud, SEQUENCE, sequence="vdn*3, dn", **FIG7)
 
 
-def combined(cloud: StandIn, alphas: Sequence[float], given: dict[str, float]) -> list[Detected]:
+def combined(cloud: StandIn, alphas: Sequence[float], given: dict[str, Any]) -> list[Detected]:
     """Figs. 9 and 11: EDN with several α and β = 1 − α."""
     return [detected(cloud, edn_name(alpha), operator="edn", alpha=alpha, **given) for alpha in alphas]
 

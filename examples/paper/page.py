@@ -49,7 +49,8 @@ def _summary(results: Results) -> str:
     rows = [[item.quote, f"**{item.verdict}**", item.evidence] for item in judge(results)]
     return f"""## What holds and what does not
 
-On these stand-ins; the paper's own scans may have been finer or less noisy than they are.
+On these stand-ins; the paper's own scans may have been finer or less noisy than they are. Statements about the step and the insert are
+checked at five noises (0 to 1 h), the large scan at one.
 
 {_table(["the paper", "here", "figures"], rows)}"""
 
@@ -75,9 +76,9 @@ r_s = 1.5 d̄, r_l = 10 d̄, δ = 20°, on the shallow surface with a smooth ste
 ![DN and VDN once, twice and three times, VDN then DN, and one-sided normals, on the step]({pictures}/fig7.png)
 
 {_table(_HEAD, [_row(step[name]) for name in (*seventh, ex.SEQUENCE, ex.ROBUST)])}
-VDN marks two bands, one on either side of the step, and misses its middle: there two opposite quadrants lie on the step alike. Its wrong
-points are mostly the outer fringe of the bands, 2 to 4 h from the step; those of DN are scattered everywhere, since the normal
-of the three or four points in a ball of 1.5 d̄ follows the noise.
+VDN marks two bands, one on either side of the step, and misses its middle, where all four quadrants see alike. Its wrong points are
+mostly the outer fringe of the bands; those of DN are scattered everywhere, since the normal of the few points in a ball of 1.5 d̄
+follows the noise.
 
 ## Figure 9: EDN with four pairs of coefficients
 

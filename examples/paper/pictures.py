@@ -15,7 +15,7 @@ from .experiments import Detected
 from .procedure import DefaultRun, PaperRun
 from .truth import Array, EdgeScore, StandIn, score_edges
 
-WIDE, NARROW = 380, 300
+WIDE, NARROW = 380, 312
 """Width of a panel in pixels, on sheets of three and of four columns."""
 
 MARKS = {"marked, within 2 h of a true edge": BLUE, "marked, far from any edge": ORANGE, "not marked": GREY}
