@@ -92,7 +92,7 @@ def test_ball_planes_equal_singular_vectors(points, factor):
         if np.any(np.abs(distance - radius) < 1e-5 * radius):
             continue  # float32 may see such a point on the other side of the sphere
         members = cells.points[tree.query_ball_point(cells.points[i], radius)]
-        assert planes.count[i] == len(members)
+        assert planes.n_points[i] == len(members)
         normal, values = plane_twin(members)
         if abs(values[1] - 1e-3 * values[0]) < 1e-4 * values[0] or values[1] - values[2] < 1e-3 * values[0]:
             continue  # the rule's edge; or no plane is better than another
@@ -150,7 +150,7 @@ def test_degenerate_balls_have_no_plane():
     pair = np.array([[0.0, 0, 0], [0.5, 0, 0], [100.0, 0, 0]])
     planes = ball_planes(build_cells(pair, 4.0), 1.0)
     assert np.isnan(planes.normal).all()
-    assert sorted(planes.count) == [1, 2, 2]
+    assert sorted(planes.n_points) == [1, 2, 2]
 
 
 def test_only_what_is_asked_for_is_computed():

@@ -261,7 +261,7 @@ def wedge_radius(relative_noise: float) -> float:
 def _to_crease(start: NDArray[np.float64], cells: Cells, radius: float, spacing: float, noise: float, params: ThinParams) -> MovedPoints:
     wedges = fit_wedges(cells, start, radius, noise, rounds=params.rounds)
     # An angle that the noise alone would give: three deviations of a plane's slope over its half of the neighbourhood.
-    points_of_half = np.maximum(wedges.count, 1)
+    points_of_half = np.maximum(wedges.n_points, 1)
     blur = 3.0 * noise / (0.5 * radius * np.sqrt(points_of_half))
     moved_by = np.linalg.norm(wedges.foot - start, axis=1)
     # Comparisons with NaN are false: no wedge, no crease.

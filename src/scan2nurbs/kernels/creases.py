@@ -40,7 +40,7 @@ class Wedges(NamedTuple):
         Weighted root mean square distance of the neighbourhood from the wedge.
     quadric_rms : (M,) float64
         The same from the best quadric height field.
-    count : (M,) int32
+    n_points : (M,) int32
         Points of the smaller half.
     """
 
@@ -49,7 +49,7 @@ class Wedges(NamedTuple):
     angle: NDArray[np.float64]
     wedge_rms: NDArray[np.float64]
     quadric_rms: NDArray[np.float64]
-    count: NDArray[np.int32]
+    n_points: NDArray[np.int32]
 
 
 def fit_wedges(cells: Cells, queries: NDArray[np.float64], radius: float, noise: float, *, rounds: int = 1) -> Wedges:

@@ -32,7 +32,7 @@ class BallPlanes(NamedTuple):
         Mean of the ball's points relative to the point.
     variance : (N,) float64
         Variance of the ball's points along the normal.
-    count : (N,) int32
+    n_points : (N,) int32
         Points in the ball, the point itself included.
     sector_angle : (N,) float64
         Largest angle in degrees between the planes of two sectors; NaN where fewer than two sectors carry a plane.
@@ -42,7 +42,7 @@ class BallPlanes(NamedTuple):
     normal: NDArray[np.float64]
     mean: NDArray[np.float64]
     variance: NDArray[np.float64]
-    count: NDArray[np.int32]
+    n_points: NDArray[np.int32]
     sector_angle: NDArray[np.float64]
 
 
@@ -69,7 +69,7 @@ def ball_planes(
         normal=np.full((n, 3), np.nan),
         mean=np.full((n, 3), np.nan),
         variance=np.full(n, np.nan),
-        count=np.zeros(n, np.int32),
+        n_points=np.zeros(n, np.int32),
         sector_angle=np.full(n if sectors else 0, np.nan),
     )
     wanted = np.ones(0, np.bool_) if todo is None else todo
