@@ -17,6 +17,7 @@ LEAST_DEPTH = 1.0
 def find_surfaces(
     neighbours: NDArray[np.int32],
     smooth: NDArray[np.bool_],
+    level: NDArray[np.bool_],
     to_edge: NDArray[np.float64],
     edge: NDArray[np.bool_],
     h: float,
@@ -28,7 +29,9 @@ def find_surfaces(
     neighbours : (N, k) int32
         Nearest neighbours of every point.
     smooth : (N, k) bool
-        Links that run along the surface.
+        Links that run along the scanned sheet, creases or not.
+    level : (N, k) bool
+        Those of them that do not cross a crease.
     to_edge : (N,) float64
         Distance of every point to the nearest edge point.
     edge : (N,) bool
@@ -47,9 +50,9 @@ def find_surfaces(
     are told apart by what the two basins have in common: along a wall with a gap it is mostly edge, across a neck it is mostly
     clear. Pairs are joined from the clearest on, so that the wall of a whole surface counts, not that of a part of it.
     """
-    parted = basins(neighbours, smooth, to_edge, ~edge, LEAST_DEPTH * h)
+    parted = basins(neighbours, level, to_edge, ~edge, LEAST_DEPTH * h)
     everywhere = grow(parted, neighbours, smooth, np.ones(len(edge), bool))
-    return _join(everywhere, parted, neighbours, smooth, edge)
+    return _join(everywhere, parted, neighbours, level, edge)
 
 
 def grow(
@@ -73,12 +76,12 @@ def _join(
     everywhere: NDArray[np.int32],
     parted: NDArray[np.int32],
     neighbours: NDArray[np.int32],
-    smooth: NDArray[np.bool_],
+    level: NDArray[np.bool_],
     edge: NDArray[np.bool_],
 ) -> NDArray[np.int32]:
     """Join the basins whose common border is mostly clear; `everywhere` has labels on the edge points too."""
     n = int(parted.max(initial=-1)) + 1
-    contacts = _contacts(everywhere, neighbours, smooth, edge, n)
+    contacts = _contacts(everywhere, neighbours, level, edge, n)
     parent = list(range(n))
     waiting = [(-_clearness(count), a, b) for a in range(n) for b, count in contacts[a].items() if a < b]
     heapq.heapify(waiting)
@@ -101,7 +104,7 @@ def _join(
 
 
 def _contacts(
-    everywhere: NDArray[np.int32], neighbours: NDArray[np.int32], smooth: NDArray[np.bool_], edge: NDArray[np.bool_], n: int
+    everywhere: NDArray[np.int32], neighbours: NDArray[np.int32], level: NDArray[np.bool_], edge: NDArray[np.bool_], n: int
 ) -> list[dict[int, tuple[int, int]]]:
     """Count the links between basins: how many are clear, and how many cross an edge or a step."""
     found: list[NDArray[np.int64]] = []
@@ -109,7 +112,7 @@ def _contacts(
         a, b = everywhere, everywhere[neighbours[:, k]]
         meet = (neighbours[:, k] >= 0) & (a >= 0) & (b >= 0) & (a != b)
         pair = np.minimum(a, b)[meet].astype(np.int64) * n + np.maximum(a, b)[meet]
-        walled = (edge | edge[neighbours[:, k]] | ~smooth[:, k])[meet]
+        walled = (edge | edge[neighbours[:, k]] | ~level[:, k])[meet]
         found.append(2 * pair + walled)
     contacts: list[dict[int, tuple[int, int]]] = [{} for _ in range(n)]
     for code, count in zip(*np.unique(np.concatenate(found), return_counts=True), strict=True):

@@ -147,7 +147,8 @@ def group_points(points: NDArray[np.float64], scale: Scale, edges: Edges, on_edg
     neighbours, distance = nearest_neighbours(scale.cells, min(NEIGHBOURS, len(points) - 1))
     smooth = _smooth_links(sorted_points, edges.normal[order], neighbours, distance, scale)
     to_edge = _distance_to_edges(sorted_points, edge, FAR * scale.h)
-    labels = find_surfaces(neighbours, smooth, to_edge, edge, scale.h)
+    level = smooth & _same_normal(edges.normal[order], neighbours, edges.threshold)
+    labels = find_surfaces(neighbours, smooth, level, to_edge, edge, scale.h)
     size = np.bincount(labels[labels >= 0], minlength=1)
     labels[(labels >= 0) & (size < params.min_points)[labels]] = -1
     if labels.max(initial=-1) < 0:
@@ -176,6 +177,19 @@ def _smooth_links(
         # A slope of 45 degrees beyond what noise alone lifts; an undefined normal forbids nothing.
         smooth[:, k] &= ~(height > 4.0 * scale.noise + 0.7 * distance[:, k])
     return smooth
+
+
+def _same_normal(normal: NDArray[np.float64], neighbours: NDArray[np.int32], threshold: float) -> NDArray[np.bool_]:
+    """Tell which links do not cross a crease: the normals at their ends differ by no more than the edges' threshold, in degrees.
+
+    Points beside a crease are edge points if enough of its other side is near them. Where the lines of a scan run along the crease,
+    farther apart than their points, it is not, and only the links tell. An undefined normal forbids nothing.
+    """
+    cosine = math.cos(math.radians(threshold))
+    same = np.empty(neighbours.shape, bool)
+    for k in range(neighbours.shape[1]):
+        same[:, k] = ~(np.abs(np.einsum("ij,ij->i", normal[neighbours[:, k]], normal)) < cosine)
+    return same
 
 
 def _distance_to_edges(points: NDArray[np.float64], edge: NDArray[np.bool_], far: float) -> NDArray[np.float64]:
