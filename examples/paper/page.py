@@ -107,7 +107,7 @@ def _procedure(results: Results, pictures: str) -> str:
 
 EDN with α = 0.4 and r_l = 20 d̄, a density filter, Algorithm 2 (r_u = 3 h) once, twice, three times, removal of undesired points by
 hand, Algorithm 3, and a B-spline surface through the points inside. The hand is played by the truth: it takes away what lies farther
-than 4 h from the true border, which is more than a user could do.
+than 4 h from the true border, which is more than a user could do. Surfaces are drawn where they have points that were found inside.
 
 ![The paper's procedure on the insert, and the default procedure]({pictures}/fig10-insert.png)
 
