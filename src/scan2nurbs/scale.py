@@ -124,3 +124,24 @@ def _quadric_noise(cells: Cells, k: int, quantile: float = 0.2) -> float:
     freedom = k - basis.shape[2]
     variance = (residual**2).sum(axis=1) * distance[:, -1] ** 2 / freedom
     return float(np.sqrt(np.quantile(variance, quantile) * freedom / chi2.ppf(quantile, freedom)))
+
+
+def line_share(cells: Cells) -> float:
+    """Return the share of points whose nearest neighbours form a line, in [0, 1]: near 0 on surfaces, near 1 on curves.
+
+    Parameters
+    ----------
+    cells : Cells
+        The sorted points.
+
+    Notes
+    -----
+    A line is ten times as long as it is wide. The neighbours of a point on a scanned surface spread evenly about it, however noisy
+    they are; the vertices of a CAD mesh lie along the edges of the part.
+    """
+    n = len(cells.points)
+    chosen = cells.points[np.linspace(0, n - 1, min(n, _SAMPLE)).astype(np.int64)]
+    index, _ = nearest_to(cells, chosen, min(NEIGHBOUR + 1, n))
+    local = cells.points[index] - cells.points[index].mean(axis=1, keepdims=True)
+    width = np.linalg.svd(local, compute_uv=False)
+    return float(np.mean(width[:, 1] < 0.1 * width[:, 0]))
