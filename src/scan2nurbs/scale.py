@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,11 +12,12 @@ from scipy.spatial import KDTree
 from scipy.stats import chi2
 
 from scan2nurbs.kernels.cells import POINTS_PER_CELL, Cells, build_cells
-from scan2nurbs.kernels.nearest import nearest_neighbours, nearest_to
+from scan2nurbs.kernels.nearest import nearest_distance, nearest_neighbours, nearest_to
 from scan2nurbs.kernels.runner import Progress
 
 NEIGHBOUR = 12
 _SAMPLE = 4000
+_H_SAMPLE = 20_000
 
 
 @dataclass(frozen=True)
@@ -28,9 +30,7 @@ class Scale:
         d̄, the mean distance to the nearest other point (paper, eq. 2.1): the unit of the paper's radii.
     h : float
         The noise-stable spacing, median(d12)·sqrt(π/12) with d12 the distance to the 12th neighbour: on a surface of area A
-        sampled by N points about sqrt(A/N). The unit of everything else.
-    local_h : (N,) float64
-        The same at every point, in the cloud's order.
+        sampled by N points about sqrt(A/N). The unit of everything else. Large clouds are asked at every so many points.
     noise : float
         Standard deviation of the points across the surface, in the cloud's unit.
     cells : Cells
@@ -39,9 +39,17 @@ class Scale:
 
     spacing: float
     h: float
-    local_h: NDArray[np.float64]
     noise: float
     cells: Cells
+
+    @cached_property
+    def local_h(self) -> NDArray[np.float64]:
+        """Stable spacing at every point (N,), in the cloud's order; measured when it is first asked for."""
+        cells = self.cells
+        k = min(NEIGHBOUR, len(cells.points) - 1)
+        distance = np.empty(len(cells.points))
+        distance[cells.order] = nearest_neighbours(cells, k, reach=self.h * math.sqrt(k / 2))[1][:, k - 1]
+        return distance * math.sqrt(math.pi / k)
 
 
 def measure_scale(points: NDArray[np.float64], *, progress: Progress | None = None) -> Scale:
@@ -56,16 +64,20 @@ def measure_scale(points: NDArray[np.float64], *, progress: Progress | None = No
 
     Notes
     -----
-    O(N) time and 8 (k + 1) bytes a point; deterministic.
+    O(N) time; deterministic.
     """
     guess = _guess_spacing(points)
     cells = build_cells(points, math.sqrt(POINTS_PER_CELL) * guess)
-    k = min(NEIGHBOUR, len(points) - 1)
-    _, distance = nearest_neighbours(cells, k, reach=guess * math.sqrt(k / 2), progress=progress)
-    local = np.empty(len(points))
-    local[cells.order] = distance[:, k - 1] * math.sqrt(math.pi / k)
-    h = float(np.median(local))
-    return Scale(spacing=float(distance[:, 0].mean()), h=h, local_h=local, noise=estimate_noise(cells, h), cells=cells)
+    nearest = nearest_distance(cells, reach=guess, progress=progress)
+    h = _stable_spacing(cells)
+    return Scale(spacing=float(nearest.mean()), h=h, noise=estimate_noise(cells, h), cells=cells)
+
+
+def _stable_spacing(cells: Cells) -> float:
+    k = min(NEIGHBOUR, len(cells.points) - 1)
+    # Sorted points lie side by side: every so many of them are a sample that is spread evenly over the cloud.
+    sample = cells.points[:: -(-len(cells.points) // _H_SAMPLE)]
+    return float(np.median(nearest_to(cells, sample, k + 1)[1][:, k])) * math.sqrt(math.pi / k)
 
 
 def _guess_spacing(points: NDArray[np.float64]) -> float:

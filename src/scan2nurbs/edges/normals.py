@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,8 +10,8 @@ from numpy.typing import NDArray
 from scan2nurbs.kernels.cells import Cells
 from scan2nurbs.kernels.moments import BallPlanes, ball_planes
 from scan2nurbs.kernels.runner import Progress
+from scan2nurbs.kernels.symmetric3 import line_angles
 
-WIDENING = math.sqrt(2.0)
 MAX_WIDENINGS = 4
 UNDEFINED = 255
 
@@ -32,7 +31,7 @@ class Normals:
     sector_angle : (N,) float64
         VDN at the radius (eq. 2.3) in degrees, NaN where undefined; empty unless asked for.
     balls : BallPlanes
-        The planes the normals come from.
+        The planes the normals come from; their mean and variance only where they were asked for.
     """
 
     radius: float
@@ -42,7 +41,7 @@ class Normals:
     balls: BallPlanes
 
 
-def normals_at(cells: Cells, radius: float, *, sectors: int = 0, progress: Progress | None = None) -> Normals:
+def normals_at(cells: Cells, radius: float, *, sectors: int = 0, only_normals: bool = False, progress: Progress | None = None) -> Normals:
     """Estimate normals from all points closer than a radius (paper, section 2.1).
 
     Parameters
@@ -53,6 +52,8 @@ def normals_at(cells: Cells, radius: float, *, sectors: int = 0, progress: Progr
         In the points' unit.
     sectors : int
         g of VDN, or 0 to leave it out.
+    only_normals : bool
+        Whether to leave out the balls' mean and variance.
     progress : callable, optional
         Called with (cells done, cells).
 
@@ -62,20 +63,9 @@ def normals_at(cells: Cells, radius: float, *, sectors: int = 0, progress: Progr
     times; a point that has no plane then has no normal. VDN is never taken from a widened ball: sectors of a ball without a plane
     have no sense.
     """
-    balls = ball_planes(cells, radius, sectors=sectors, progress=progress)
-    missing = np.isnan(balls.variance)
-    status = np.zeros(len(missing), np.uint8)
-    normal, mean, variance = balls.normal, balls.mean, balls.variance
-    for k in range(1, MAX_WIDENINGS + 1):
-        if not missing.any():
-            break
-        wider = ball_planes(cells, radius * WIDENING**k, todo=missing)
-        found = missing & ~np.isnan(wider.variance)
-        normal[found], mean[found], variance[found] = wider.normal[found], wider.mean[found], wider.variance[found]
-        status[found] = k
-        missing &= ~found
-    status[missing] = UNDEFINED
-    return Normals(radius=radius, normal=normal, status=status, sector_angle=balls.sector_angle, balls=balls)
+    balls = ball_planes(cells, radius, sectors=sectors, widenings=MAX_WIDENINGS, only_normals=only_normals, progress=progress)
+    status = np.where(np.isnan(balls.normal[:, 0]), np.uint8(UNDEFINED), balls.widened)
+    return Normals(radius=radius, normal=balls.normal, status=status, sector_angle=balls.sector_angle, balls=balls)
 
 
 def angles_between(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -91,5 +81,4 @@ def angles_between(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np
     (N,) float64
         Degrees in [0, 90]; NaN where either is NaN.
     """
-    # The arc tangent keeps small angles, where the arc cosine of a number near 1 loses half of its digits.
-    return np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), np.abs(np.einsum("ij,ij->i", a, b))))
+    return line_angles(a, b)

@@ -15,6 +15,11 @@ from scan2nurbs.kernels.runner import kernel, run_ranges
 
 CELLS_PER_AXIS = 1 << 20
 POINTS_PER_CELL = 32
+LANES = 64
+COLUMNS = 17 * LANES
+"""Columns of a table to begin with."""
+FAR = 1e9
+"""Coordinate of the points that fill up the last vector, in the caller's unit."""
 _RANGE = 1 << 16
 
 
@@ -208,6 +213,60 @@ def points_in_box(points, runs, n_runs, low, high, indices):
             )
             n += inside
     return n
+
+
+@kernel
+def gather(cells, first, end, reach, scale, centre, runs, table):
+    """Copy the points within reach of one cell's bounding box, as rows x, y, z relative to the box's centre.
+
+    Parameters
+    ----------
+    cells : Cells
+    first, end : int
+        The cell's points.
+    reach : float
+        In the points' unit.
+    scale : float
+        What the copies are multiplied by.
+    centre : (3,) float64
+        Receives the centre of the box.
+    runs : (K, 2) int64
+        Scratch; a larger array is returned where it is too small.
+    table : (R, M) float
+        Its first three rows receive the points; a larger array is returned where it is too small.
+
+    Returns
+    -------
+    runs, table : arrays
+    n : int
+        How many columns are filled: a multiple of `LANES`, the last ones with points far away.
+    """
+    points = cells.points
+    low, high, half = np.empty(3), np.empty(3), np.empty(3)
+    bounds(points, first, end, low, high)
+    for k in range(3):
+        centre[k] = 0.5 * (low[k] + high[k])
+        half[k] = 0.5 * (high[k] - low[k])
+        low[k] -= reach
+        high[k] += reach
+    runs, n_runs, room = runs_in_box(cells, low, high, runs)
+    if room + LANES > table.shape[1]:
+        # An odd number of vectors a row: rows a power of two apart would share the same few lines of the cache.
+        table = np.empty((table.shape[0], (2 * room // LANES | 1) * LANES), table.dtype)
+    x, y, z = table[0], table[1], table[2]
+    cx, cy, cz, hx, hy, hz = centre[0], centre[1], centre[2], half[0], half[1], half[2]
+    limit = reach * reach
+    n = 0
+    for r in range(n_runs):
+        for i in range(runs[r, 0], runs[r, 1]):
+            dx, dy, dz = points[i, 0] - cx, points[i, 1] - cy, points[i, 2] - cz
+            x[n], y[n], z[n] = dx * scale, dy * scale, dz * scale
+            gx, gy, gz = max(abs(dx) - hx, 0.0), max(abs(dy) - hy, 0.0), max(abs(dz) - hz, 0.0)
+            n += gx * gx + gy * gy + gz * gz <= limit
+    # Whole vectors are several times faster than what is left over after the last one.
+    filled = -(-n // LANES) * LANES
+    x[n:filled], y[n:filled], z[n:filled] = FAR, FAR, FAR
+    return runs, table, filled
 
 
 @kernel

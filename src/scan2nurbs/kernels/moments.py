@@ -1,8 +1,8 @@
 """Normals at a radius, and what VDN compares: planes of sectors of a ball, from streamed sums.
 
 For each cell the candidates within reach are gathered once, as float32 relative to the cell's centre and in units of the
-radius; each point of the cell then makes one branch-free pass over them for the ten moments of its ball, and one for those
-of the sectors. No neighbour is ever listed.
+radius; each point of the cell then makes branch-free passes over them: which lie in its ball, which of those left of a plane
+through it, and the sums of what is left. No neighbour is ever listed.
 """
 
 from __future__ import annotations
@@ -12,13 +12,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from scan2nurbs.kernels.cells import Cells, bounds, points_in_box, runs_in_box
+from scan2nurbs.kernels.cells import COLUMNS, Cells, gather
 from scan2nurbs.kernels.runner import Progress, kernel, run_ranges
 from scan2nurbs.kernels.symmetric3 import plane_of_moments
 
-CELLS_PER_RANGE = 128
+CELLS_PER_RANGE = 256
+WIDENING = 2.0**0.5
 # Nearer than this part of the radius to a dividing plane counts as on it: the rounding of float32 coordinates.
 ON_PLANE = np.float32(1e-6)
+# A sector found as a difference of sums keeps enough digits where it holds at least this part of the ball's points.
+FEW = 1.0 / 32.0
 
 
 class BallPlanes(NamedTuple):
@@ -29,7 +32,7 @@ class BallPlanes(NamedTuple):
     normal : (N, 3) float64
         Unit normals as lines (the sign carries no meaning); NaN where the ball carries no plane.
     mean : (N, 3) float64
-        Mean of the ball's points relative to the point.
+        Mean of the ball's points relative to the point. Empty where only normals were asked for, as is the variance.
     variance : (N,) float64
         Variance of the ball's points along the normal.
     n_points : (N,) int32
@@ -37,6 +40,8 @@ class BallPlanes(NamedTuple):
     sector_angle : (N,) float64
         Largest angle in degrees between the planes of two sectors; NaN where fewer than two sectors carry a plane.
         Empty unless sectors were asked for.
+    widened : (N,) uint8
+        How many times the radius was multiplied by √2 before the ball carried a plane.
     """
 
     normal: NDArray[np.float64]
@@ -44,10 +49,18 @@ class BallPlanes(NamedTuple):
     variance: NDArray[np.float64]
     n_points: NDArray[np.int32]
     sector_angle: NDArray[np.float64]
+    widened: NDArray[np.uint8]
 
 
 def ball_planes(
-    cells: Cells, radius: float, *, sectors: int = 0, todo: NDArray[np.bool_] | None = None, progress: Progress | None = None
+    cells: Cells,
+    radius: float,
+    *,
+    sectors: int = 0,
+    widenings: int = 0,
+    only_normals: bool = False,
+    todo: NDArray[np.bool_] | None = None,
+    progress: Progress | None = None,
 ) -> BallPlanes:
     """Fit a plane to the points closer than `radius` to each point; with sectors, compare the planes of each ball's parts.
 
@@ -59,24 +72,31 @@ def ball_planes(
         In the points' unit.
     sectors : int
         0, or the number g >= 2 of sectors around the normal (paper, eq. 2.3; Algorithm 1 for 4).
+    widenings : int
+        How many times a ball without a plane is widened by √2. Its `n_points` stays that of the narrowest ball, and it has no
+        sectors.
+    only_normals : bool
+        Whether to leave out `mean` and `variance`.
     todo : (N,) bool, optional
         Which sorted points to compute; the others get NaN.
     progress : callable, optional
         Called with (cells done, cells).
     """
     n = len(cells.points)
+    described = 0 if only_normals else n
     result = BallPlanes(
-        normal=np.full((n, 3), np.nan),
-        mean=np.full((n, 3), np.nan),
-        variance=np.full(n, np.nan),
-        n_points=np.zeros(n, np.int32),
-        sector_angle=np.full(n if sectors else 0, np.nan),
+        normal=np.empty((n, 3)),
+        mean=np.empty((described, 3)),
+        variance=np.empty(described),
+        n_points=np.empty(n, np.int32),
+        sector_angle=np.empty(n if sectors else 0),
+        widened=np.empty(n, np.uint8),
     )
     wanted = np.ones(0, np.bool_) if todo is None else todo
     turn = 2.0 * np.pi * np.arange(sectors) / max(sectors, 1)
     borders = np.stack([np.cos(turn), np.sin(turn)], axis=1).astype(np.float32)
     run_ranges(
-        lambda start, stop: _ball_planes(cells, float(radius), borders, wanted, start, stop, *result),
+        lambda start, stop: _ball_planes(cells, float(radius), widenings, borders, wanted, start, stop, result),
         len(cells.cell_key),
         size=CELLS_PER_RANGE,
         progress=progress,
@@ -85,88 +105,98 @@ def ball_planes(
 
 
 @kernel
-def _ball_planes(cells, radius, borders, todo, start, stop, normal, mean, variance, count, sector_angle):
-    points = cells.points
-    low, high, centre = np.empty(3), np.empty(3), np.empty(3)
+def _ball_planes(cells, radius, widenings, borders, todo, start, stop, out):
+    centre = np.empty(3)
     runs = np.empty((64, 2), np.int64)
-    indices = np.empty(1024, np.int64)
-    x, y, z = np.empty(1024, np.float32), np.empty(1024, np.float32), np.empty(1024, np.float32)
-    sums, plane = np.empty(9), np.empty(11)
-    sector_normals = np.empty((len(borders), 3))
+    table = np.empty((5, COLUMNS), np.float32)
+    pending = np.empty(64, np.int64)
     for cell in range(start, stop):
         first, end = cells.cell_start[cell], cells.cell_start[cell + 1]
-        if len(todo) > 0 and not np.any(todo[first:end]):
-            continue
-        bounds(points, first, end, low, high)
-        for k in range(3):
-            centre[k] = 0.5 * (low[k] + high[k])
-            low[k] -= radius
-            high[k] += radius
-        runs, n_runs, room = runs_in_box(cells, low, high, runs)
-        if room > len(indices):
-            indices = np.empty(2 * room, np.int64)
-            x, y, z = np.empty(2 * room, np.float32), np.empty(2 * room, np.float32), np.empty(2 * room, np.float32)
-        n = points_in_box(points, runs, n_runs, low, high, indices)
-        for j in range(n):
-            i = indices[j]
-            x[j] = (points[i, 0] - centre[0]) / radius
-            y[j] = (points[i, 1] - centre[1]) / radius
-            z[j] = (points[i, 2] - centre[2]) / radius
+        if end - first > len(pending):
+            pending = np.empty(2 * (end - first), np.int64)
+        n_pending = 0
         for i in range(first, end):
-            if len(todo) > 0 and not todo[i]:
-                continue
-            px = np.float32((points[i, 0] - centre[0]) / radius)
-            py = np.float32((points[i, 1] - centre[1]) / radius)
-            pz = np.float32((points[i, 2] - centre[2]) / radius)
-            inside = _ball_sums(x, y, z, n, px, py, pz, sums)
-            count[i] = np.int32(inside)
-            if not plane_of_moments(inside, sums, plane):
-                continue
-            for k in range(3):
-                normal[i, k] = plane[k]
-                mean[i, k] = plane[6 + k] * radius
-            variance[i] = plane[9] * radius * radius
-            if len(borders) > 0:
-                sector_angle[i] = _sector_angle(x, y, z, n, px, py, pz, plane.copy(), borders, sums, plane, sector_normals)
+            _clear(out, i)
+            if len(todo) == 0 or todo[i]:
+                pending[n_pending] = i
+                n_pending += 1
+        reach = radius
+        for step in range(widenings + 1):
+            if n_pending == 0:
+                break
+            runs, table, n = gather(cells, first, end, reach, 1.0 / reach, centre, runs, table)
+            n_pending = _fit_cell(cells, reach, step, centre, table, n, pending, n_pending, borders, out)
+            reach *= WIDENING
 
 
 @kernel
-def _ball_sums(x, y, z, n, px, py, pz, sums):
-    """Sum the moments of the points closer than 1 to p, about p."""
-    zero, one = np.float32(0.0), np.float32(1.0)
-    count, sx, sy, sz = zero, zero, zero, zero
-    xx, xy, xz, yy, yz, zz = zero, zero, zero, zero, zero, zero
+def _clear(out, i):
+    out.n_points[i] = 0
+    out.widened[i] = 0
+    for k in range(3):
+        out.normal[i, k] = np.nan
+    if len(out.variance) > 0:
+        out.variance[i] = np.nan
+        for k in range(3):
+            out.mean[i, k] = np.nan
+    if len(out.sector_angle) > 0:
+        out.sector_angle[i] = np.nan
+
+
+@kernel
+def _fit_cell(cells, reach, step, centre, table, n, pending, n_pending, borders, out):
+    """Fit the planes of one cell's pending points; return how many are still without one, moved to the front of `pending`."""
+    x, y, z, inside = table[0], table[1], table[2], table[3]
+    sums, plane = np.empty(10), np.empty(11)
+    sector_sums, normals = np.empty(10), np.empty((len(borders), 3))
+    left, scale = 0, 1.0 / reach
+    for waiting in range(n_pending):
+        i = pending[waiting]
+        px = np.float32((cells.points[i, 0] - centre[0]) * scale)
+        py = np.float32((cells.points[i, 1] - centre[1]) * scale)
+        pz = np.float32((cells.points[i, 2] - centre[2]) * scale)
+        count = _ball(x, y, z, n, px, py, pz, inside)
+        if step == 0:
+            out.n_points[i] = np.int32(count)
+        if count >= 3.0:
+            _sum(x, y, z, n, px, py, pz, inside, 1, sums)
+        if count < 3.0 or not plane_of_moments(count, sums, plane):
+            pending[left] = i
+            left += 1
+            continue
+        out.widened[i] = step
+        for k in range(3):
+            out.normal[i, k] = plane[k]
+        if len(out.variance) > 0:
+            out.variance[i] = plane[9] * reach * reach
+            for k in range(3):
+                out.mean[i, k] = plane[6 + k] * reach
+        if step == 0 and len(borders) > 0:
+            out.sector_angle[i] = _sector_angle(table, n, px, py, pz, borders, sums, plane, sector_sums, normals)
+    return left
+
+
+@kernel
+def _ball(x, y, z, n, px, py, pz, inside):
+    """Write 1 for each point closer than 1 to p, else 0; return how many are."""
+    zero, one, count = np.float32(0.0), np.float32(1.0), np.float32(0.0)
     for j in range(n):
         dx, dy, dz = x[j] - px, y[j] - py, z[j] - pz
         w = one if dx * dx + dy * dy + dz * dz < one else zero
-        wx, wy, wz = w * dx, w * dy, w * dz
+        inside[j] = w
         count += w
-        sx += wx
-        sy += wy
-        sz += wz
-        xx += wx * dx
-        xy += wx * dy
-        xz += wx * dz
-        yy += wy * dy
-        yz += wy * dz
-        zz += wz * dz
-    sums[0], sums[1], sums[2], sums[3], sums[4], sums[5], sums[6], sums[7], sums[8] = sx, sy, sz, xx, xy, xz, yy, yz, zz
     return count
 
 
 @kernel
-def _sector_sums(x, y, z, n, px, py, pz, u, v, sums):
-    """Sum the moments, about p, of the points of the ball on the positive sides of the planes through p with normals u and v."""
-    zero, one = np.float32(0.0), np.float32(1.0)
+def _sum(x, y, z, n, px, py, pz, code, which, sums):
+    """Sum the moments about p of the points with one code: x, y, z, xx, xy, xz, yy, yz, zz, and their number."""
+    zero, one, wanted = np.float32(0.0), np.float32(1.0), np.float32(which)
     count, sx, sy, sz = zero, zero, zero, zero
     xx, xy, xz, yy, yz, zz = zero, zero, zero, zero, zero, zero
-    ux, uy, uz, vx, vy, vz = u[0], u[1], u[2], v[0], v[1], v[2]
     for j in range(n):
+        w = one if code[j] == wanted else zero
         dx, dy, dz = x[j] - px, y[j] - py, z[j] - pz
-        inside = dx * dx + dy * dy + dz * dz < one
-        left = ux * dx + uy * dy + uz * dz > ON_PLANE
-        right = vx * dx + vy * dy + vz * dz > ON_PLANE
-        w = one if inside & left & right else zero
         wx, wy, wz = w * dx, w * dy, w * dz
         count += w
         sx += wx
@@ -178,29 +208,33 @@ def _sector_sums(x, y, z, n, px, py, pz, u, v, sums):
         yy += wy * dy
         yz += wy * dz
         zz += wz * dz
-    sums[0], sums[1], sums[2], sums[3], sums[4], sums[5], sums[6], sums[7], sums[8] = sx, sy, sz, xx, xy, xz, yy, yz, zz
-    return count
+    sums[0], sums[1], sums[2], sums[3], sums[4], sums[5], sums[6], sums[7], sums[8], sums[9] = sx, sy, sz, xx, xy, xz, yy, yz, zz, count
 
 
 @kernel
-def _sector_angle(x, y, z, n, px, py, pz, frame, borders, sums, plane, normals):
-    """Return the largest angle between the planes of two sectors (paper, Algorithm 1 and eq. 2.3), in degrees."""
+def _sector_angle(table, n, px, py, pz, borders, ball, plane, sums, normals):
+    """Return the largest angle between the planes of two sectors (paper, Algorithm 1 and eq. 2.3), in degrees.
+
+    `ball` are the sums of the ball that row 3 of the table marks, and lose what the sectors take; `plane` is its plane, which is
+    lost as well; `sums` and `normals` are scratch.
+    """
     g = len(borders)
-    axis = np.empty(3)
-    axis[0] = frame[1] * frame[5] - frame[2] * frame[4]
-    axis[1] = frame[2] * frame[3] - frame[0] * frame[5]
-    axis[2] = frame[0] * frame[4] - frame[1] * frame[3]
-    u, v = np.empty(3, np.float32), np.empty(3, np.float32)
-    found = 0
+    if ball[9] < 5.0:
+        return np.nan  # two sectors with a plane hold two points each besides p
+    x, y, z, sector = table[0], table[1], table[2], table[4]
+    on_border = _mark_sectors(table, n, px, py, pz, borders, plane)
+    few, found = FEW * ball[9], 0
     for s in range(g):
-        a, b = borders[s], borders[(s + 1) % g]
-        for k in range(3):
-            # Left of the border at angle a, and right of the next one: the sector lies between them.
-            u[k] = -a[1] * frame[3 + k] + a[0] * axis[k]
-            v[k] = b[1] * frame[3 + k] - b[0] * axis[k]
-        inside = _sector_sums(x, y, z, n, px, py, pz, u, v, sums)
+        # What is left of the ball is the last sector, unless other points than p lie on borders or few digits would be left.
+        if s == g - 1 and on_border == 1.0 and ball[9] - 1.0 >= few:
+            sums[:] = ball
+            sums[9] -= 1.0
+        else:
+            _sum(x, y, z, n, px, py, pz, sector, s + 1, sums)
+            for k in range(10):
+                ball[k] -= sums[k]
         # The point itself belongs to each of its sectors; about itself it adds nothing to the sums but one to the count.
-        if plane_of_moments(inside + 1.0, sums, plane):
+        if plane_of_moments(sums[9] + 1.0, sums, plane):
             for k in range(3):
                 normals[found, k] = plane[k]
             found += 1
@@ -212,3 +246,43 @@ def _sector_angle(x, y, z, n, px, py, pz, frame, borders, sums, plane, normals):
             dot = normals[s, 0] * normals[t, 0] + normals[s, 1] * normals[t, 1] + normals[s, 2] * normals[t, 2]
             least = min(least, abs(dot))
     return np.degrees(np.arccos(least))
+
+
+@kernel
+def _mark_sectors(table, n, px, py, pz, borders, plane):
+    """Write the sector of each point of the ball, from 1, into row 4 of the table, and 0 for all others; return how many lie on borders."""
+    x, y, z, inside, sector = table[0], table[1], table[2], table[3], table[4]
+    ex, ey, ez = np.float32(plane[3]), np.float32(plane[4]), np.float32(plane[5])
+    fx = np.float32(plane[1] * plane[5] - plane[2] * plane[4])
+    fy = np.float32(plane[2] * plane[3] - plane[0] * plane[5])
+    fz = np.float32(plane[0] * plane[4] - plane[1] * plane[3])
+    if len(borders) == 4:
+        return _mark_quadrants(x, y, z, n, px, py, pz, ex, ey, ez, fx, fy, fz, inside, sector)
+    sector[:n] = np.float32(0.0)
+    for s in range(len(borders)):
+        a, b = borders[s], borders[(s + 1) % len(borders)]
+        # Left of the one border and right of the next.
+        ux, uy, uz = a[0] * fx - a[1] * ex, a[0] * fy - a[1] * ey, a[0] * fz - a[1] * ez
+        vx, vy, vz = b[1] * ex - b[0] * fx, b[1] * ey - b[0] * fy, b[1] * ez - b[0] * fz
+        _mark_wedge(x, y, z, n, px, py, pz, ux, uy, uz, vx, vy, vz, inside, np.float32(s + 1), sector)
+    return np.float32(-1.0)
+
+
+@kernel
+def _mark_quadrants(x, y, z, n, px, py, pz, ux, uy, uz, vx, vy, vz, inside, sector):
+    zero, one, two, on_border = np.float32(0.0), np.float32(1.0), np.float32(2.0), np.float32(0.0)
+    for j in range(n):
+        dx, dy, dz = x[j] - px, y[j] - py, z[j] - pz
+        p, q, w = ux * dx + uy * dy + uz * dz, vx * dx + vy * dy + vz * dz, inside[j]
+        on_plane = w if min(abs(p), abs(q)) <= ON_PLANE else zero
+        sector[j] = (w - on_plane) * (one + (one if p > zero else zero) + (two if q > zero else zero))
+        on_border += on_plane
+    return on_border
+
+
+@kernel
+def _mark_wedge(x, y, z, n, px, py, pz, ux, uy, uz, vx, vy, vz, inside, number, sector):
+    for j in range(n):
+        dx, dy, dz = x[j] - px, y[j] - py, z[j] - pz
+        p, q = ux * dx + uy * dy + uz * dz, vx * dx + vy * dy + vz * dz
+        sector[j] = number if (min(p, q) > ON_PLANE) & (inside[j] > np.float32(0.0)) else sector[j]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from scan2nurbs.kernels.cells import Cells, bounds, points_in_box, runs_in_box
+from scan2nurbs.kernels.cells import COLUMNS, Cells, bounds, gather, points_in_box, runs_in_box
 from scan2nurbs.kernels.runner import Progress, kernel, run_ranges
 
 CELLS_PER_RANGE = 128
@@ -45,6 +45,74 @@ def nearest_neighbours(
         progress=progress,
     )
     return index, distance
+
+
+def nearest_distance(cells: Cells, *, reach: float, progress: Progress | None = None) -> NDArray[np.float64]:
+    """Find how far the nearest other point of every point is: the terms of eq. 2.1, many times faster than their neighbours.
+
+    Parameters
+    ----------
+    cells : Cells
+        At least two distinct sorted points.
+    reach : float
+        First guess of the distance; it changes the time, not the result.
+    progress : callable, optional
+        Called with (cells done, cells).
+
+    Returns
+    -------
+    (N,) float64
+        Distances, in the order of the sorted points.
+    """
+    out = np.empty(len(cells.points))
+    run_ranges(
+        lambda start, stop: _nearest_distance(cells, float(reach), start, stop, out),
+        len(cells.cell_key),
+        size=CELLS_PER_RANGE,
+        progress=progress,
+    )
+    return out
+
+
+@kernel
+def _nearest_distance(cells, start_reach, start, stop, out):
+    points = cells.points
+    most = 4.0 * cells.size * np.max(cells.shape)
+    centre = np.empty(3)
+    runs = np.empty((64, 2), np.int64)
+    table = np.empty((3, COLUMNS))
+    for cell in range(start, stop):
+        first, end = cells.cell_start[cell], cells.cell_start[cell + 1]
+        out[first:end] = np.inf
+        reach, left = start_reach, end - first
+        while left > 0:
+            scale = 1.0 / reach
+            runs, table, n = gather(cells, first, end, reach, scale, centre, runs, table)
+            left = 0
+            for i in range(first, end):
+                if out[i] == np.inf:
+                    px, py, pz = (points[i, 0] - centre[0]) * scale, (points[i, 1] - centre[1]) * scale, (points[i, 2] - centre[2]) * scale
+                    square = _least_square(table[0], table[1], table[2], n, px, py, pz)
+                    if square <= 1.0:
+                        out[i] = np.sqrt(square) * reach
+                    elif reach > most:
+                        out[i] = 0.0  # closer than rounding can tell
+                    else:
+                        left += 1
+            reach *= 2.0
+
+
+@kernel
+def _least_square(x, y, z, n, px, py, pz):
+    """Return the least squared distance that is not 0."""
+    # Positive numbers are ordered as the integers of the same bits; only minima of integers become vector instructions here.
+    least = np.float64(np.inf).view(np.int64)
+    for j in range(n):
+        dx, dy, dz = x[j] - px, y[j] - py, z[j] - pz
+        square = dx * dx + dy * dy + dz * dz
+        bits = np.float64(square).view(np.int64)
+        least = min(least, bits if square > 0.0 else least)
+    return np.int64(least).view(np.float64)
 
 
 @kernel
