@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmarks import scans
+
+sys.path.insert(0, str(Path(__file__).parent.parent))
+
+from benchmarks import scans  # noqa: E402
 
 
 @pytest.fixture(scope="module")
