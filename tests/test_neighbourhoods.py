@@ -9,9 +9,10 @@ from hypothesis import strategies as st
 from scipy.spatial import KDTree
 
 from scan2nurbs.kernels.cells import build_cells
+from scan2nurbs.kernels.distinct import distinct_rows
 from scan2nurbs.kernels.graph import basins
 from scan2nurbs.kernels.moments import ball_planes
-from scan2nurbs.kernels.nearest import nearest_neighbours, nearest_to
+from scan2nurbs.kernels.nearest import nearest_distance, nearest_neighbours, nearest_to
 from scan2nurbs.kernels.one_sided import normal_differences, one_sided_planes
 from scan2nurbs.kernels.runner import set_threads
 
@@ -234,3 +235,21 @@ def test_level_ground_is_one_basin():
     neighbours, _ = nearest_neighbours(cells, 8)
     labels = basins(neighbours, neighbours >= 0, np.full(2000, 7.0), np.ones(2000, bool), 1.0)
     assert labels.max() == 0
+
+
+@given(st.integers(0, 300), st.integers(1, 4), st.integers(0, 10_000))
+def test_distinct_rows_are_the_first_of_their_kind(n, values, seed):
+    points = np.random.default_rng(seed).integers(0, values, (n, 3)).astype(float) * 1e-3
+    first, index = distinct_rows(points)
+    seen: dict[tuple[float, ...], int] = {}
+    expected = [seen.setdefault(tuple(row), len(seen)) for row in points.tolist()]
+    assert index.tolist() == expected
+    assert first.tolist() == [expected.index(k) for k in range(len(seen))]
+
+
+@given(clouds)
+def test_nearest_distances_equal_a_tree_s(points):
+    cells = build_cells(points, 2.0 * np.ptp(points, axis=0).max() / np.sqrt(len(points)))
+    expected = KDTree(cells.points).query(cells.points, 2)[0][:, 1]
+    for reach in (0.01 * expected.min(), np.median(expected), 100.0 * expected.max()):
+        np.testing.assert_allclose(nearest_distance(cells, reach=reach), expected, rtol=1e-7)

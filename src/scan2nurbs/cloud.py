@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from scan2nurbs.errors import InputError, ParameterError
+from scan2nurbs.kernels.distinct import distinct_rows
 
 PointSource: TypeAlias = "str | os.PathLike[str] | ArrayLike | PointCloud | Any"
 """What every public function accepts: a path, an (N, 3) array, a `PointCloud`, or an object with ``.points``."""
@@ -145,16 +146,5 @@ def _from_rows(rows: NDArray[np.float64], unit: str, **about: Any) -> PointCloud
 def _merge_duplicates(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Return the distinct points in the order of their first appearance, and for each point its index among them."""
     points = points + 0.0  # −0.0 equals 0.0, and so must its bytes
-    as_bytes = np.ascontiguousarray(points).view(np.dtype((np.void, 24))).ravel()
-    order = np.lexsort(points.T)
-    new = np.ones(len(points), bool)
-    new[1:] = as_bytes[order[1:]] != as_bytes[order[:-1]]
-    if new.all():
-        return points, np.arange(len(points))
-    group = np.empty(len(points), np.int64)
-    group[order] = np.cumsum(new) - 1
-    first = np.full(group.max(initial=-1) + 1, len(points), np.int64)
-    np.minimum.at(first, group, np.arange(len(points)))
-    rank = np.empty(len(first), np.int64)
-    rank[np.argsort(first)] = np.arange(len(first))
-    return points[np.sort(first)], rank[group]
+    first, index = distinct_rows(points)
+    return (points if len(first) == len(points) else points[first]), index
