@@ -10,7 +10,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
-from benchmarks import scans  # noqa: E402
+from benchmarks import scans
 
 
 @pytest.fixture(scope="module")
