@@ -11,9 +11,11 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from scan2nurbs.api import detect_edges, fit_surface, measure, reconstruct, segment
     from scan2nurbs.cloud import PointCloud, as_cloud
+    from scan2nurbs.edges.boundary import BoundaryParams
     from scan2nurbs.edges.detect import Edges
     from scan2nurbs.edges.params import EdgeParams
-    from scan2nurbs.errors import InputError, MissingExtraError, NoResultError, ParameterError, Scan2NurbsError
+    from scan2nurbs.errors import InputError, MissingExtraError, NoResultError, OutputError, ParameterError, Scan2NurbsError
+    from scan2nurbs.faces.region import RegionParams
     from scan2nurbs.kernels.runner import set_threads
     from scan2nurbs.pipeline import SurfaceModel, SurfaceParams, reconstruct_surface
     from scan2nurbs.scale import Scale
@@ -25,9 +27,11 @@ __version__ = "0.1.0"
 _HOMES = {
     "api": ("detect_edges", "fit_surface", "measure", "reconstruct", "segment"),
     "cloud": ("PointCloud", "as_cloud"),
+    "edges.boundary": ("BoundaryParams",),
     "edges.detect": ("Edges",),
     "edges.params": ("EdgeParams",),
-    "errors": ("InputError", "MissingExtraError", "NoResultError", "ParameterError", "Scan2NurbsError"),
+    "errors": ("InputError", "MissingExtraError", "NoResultError", "OutputError", "ParameterError", "Scan2NurbsError"),
+    "faces.region": ("RegionParams",),
     "kernels.runner": ("set_threads",),
     "pipeline": ("SurfaceModel", "SurfaceParams", "reconstruct_surface"),
     "scale": ("Scale",),
@@ -38,10 +42,10 @@ _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
 __all__ = [  # noqa: RUF022 - in the order in which a user meets them
     "detect_edges", "fit_surface", "measure", "reconstruct", "reconstruct_surface", "segment",
-    "EdgeParams", "FitParams", "SurfaceParams",
+    "BoundaryParams", "EdgeParams", "FitParams", "RegionParams", "SurfaceParams",
     "BSplineSurface", "Edges", "PointCloud", "Scale", "SurfaceFit", "SurfaceModel",
     "as_cloud", "set_threads",
-    "InputError", "MissingExtraError", "NoResultError", "ParameterError", "Scan2NurbsError",
+    "InputError", "MissingExtraError", "NoResultError", "OutputError", "ParameterError", "Scan2NurbsError",
 ]  # fmt: skip
 
 

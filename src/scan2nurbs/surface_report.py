@@ -28,7 +28,7 @@ def surface_report(model: SurfaceModel, params: SurfaceParams, seconds: Mapping[
         "inside": _inside(model, params),
         "faces": [_face(model)],
         "model": _model(model),
-        "warnings": list(_warnings(model)),
+        "warnings": _warnings(model, params),
         "seconds": dict(seconds),
     }
 
@@ -128,10 +128,10 @@ def _model(model: SurfaceModel) -> dict[str, Any]:
     }
 
 
-def _warnings(model: SurfaceModel) -> list[str]:
+def _warnings(model: SurfaceModel, params: SurfaceParams) -> list[str]:
     warnings = [*model.fit.notes, *model.face.notes]
     region, outline = model.region, model.trim.outline
-    if region is not None and region.chosen != 0:
+    if region is not None and region.chosen != 0 and params.region.seed is None:
         warnings.append("A larger surface was found, but is a plane or less enclosed by edges; a seed point on it chooses it.")
     if outline.n_left_out:
         parts = ", ".join(str(n) for n in outline.n_left_out[:5])
