@@ -100,8 +100,8 @@ def measure(scan: Path, keep: Path, *, limit: float = 600.0) -> Result:
 
 def warm_up(folder: Path) -> None:
     """Compile the kernels on a little scan of our own, so that no row pays for it."""
-    x, y = np.meshgrid(np.arange(40.0), np.arange(40.0))
-    z = np.where(np.hypot(x - 20, y - 20) < 12, 6.0, 0.0) + np.random.default_rng(0).normal(0.0, 0.1, x.shape)
+    x, y = np.meshgrid(np.arange(60.0), np.arange(60.0))
+    z = np.clip(24.0 - np.hypot(x - 30, y - 30), 0.0, 6.0) + np.random.default_rng(0).normal(0.0, 0.1, x.shape)
     path = folder / "warm-up.xyz"
     np.savetxt(path, np.stack([x.ravel(), y.ravel(), z.ravel()], axis=1))
     run("surface", path)
