@@ -41,6 +41,16 @@ def crescent():
     return np.concatenate([outer, np.stack([off + small * np.cos(b), small * np.sin(b)], axis=1)])
 
 
+def notched():
+    """A rounded plate with a round notch in it: the side from one corner of the notch to the other runs all around the plate."""
+    t = np.radians(np.arange(90, 450) - 5)
+    x, y = np.cos(t), np.sin(t)
+    plate = np.stack([40.0 * np.sign(x) * np.abs(x) ** 0.5, 30.0 * np.sign(y) * np.abs(y) ** 0.5], axis=1)
+    plate = plate[np.hypot(plate[:, 0] - 12.0, plate[:, 1] - 30.0) > 8.0]
+    plate = np.roll(plate, -int(np.argmin(np.hypot(plate[:, 0] - 4.0, plate[:, 1] - 30.0))), axis=0)
+    return np.concatenate([plate, circle(8.0, (12.0, 30.0))[:200:-1]])
+
+
 SHAPES = {
     "circle": ([circle(0.5 * S)], 0),
     "square": ([polygon((0, 0), (1, 0), (1, 1), (0, 1))], 4),
@@ -151,6 +161,15 @@ def test_corners_of_a_rectangle_stay_sharp():
     distance, nearest = KDTree(loop.points[loop.corners]).query(loops[0])
     assert distance.max() < 0.6
     assert sorted(nearest) == [0, 1, 2, 3]
+
+
+def test_a_side_that_runs_all_around_the_face_is_kept_whole():
+    loops, rng = [notched()], np.random.default_rng(4)
+    for creases in (None, along(loops, 1.5)):
+        (loop,) = outline_loops(rain(loops, rng), spacing=1.0, boundary_uv=creases)
+        assert len(loop.corners) > 0
+        assert np.linalg.norm(loop.points - np.roll(loop.points, 1, axis=0), axis=1).max() < 2.0
+        assert KDTree(along([loop.points], 0.1)).query(along(loops, 0.1))[0].max() < 2.5
 
 
 def test_gaps_in_the_creases_are_bridged():

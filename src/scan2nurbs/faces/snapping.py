@@ -257,13 +257,14 @@ def _meet(before: Array, after: Array, rough: Array, creases: Array, h: float) -
 
 
 def _between(line: Array, start: Array, end: Array, step: float) -> Mask:
-    """Tell which rows of a side lie between its two corners."""
+    """Tell which rows of a side lie between its two corners: those near an end that are drawn past its corner do not."""
     keep = np.ones(len(line), np.bool_)
-    third = max(len(line) // 2, 1)
-    ahead = line[min(third, len(line) - 1)] - line[0]
-    behind = line[-1] - line[max(len(line) - 1 - third, 0)]
-    for rows, corner, direction in ((slice(0, third), start, ahead), (slice(len(line) - third, None), end, -behind)):
+    for corner, backwards in ((start, False), (end, True)):
+        ahead, kept = (line[::-1], keep[::-1]) if backwards else (line, keep)  # views
+        # A side may run all around the face: far from its end, "behind the corner" means nothing.
+        reach = min(int(2.0 * np.linalg.norm(ahead[0] - corner) / step) + 4, len(line) // 2)
+        direction = ahead[reach] - ahead[0]
         size = np.linalg.norm(direction)
         if size > 0.0:
-            keep[rows] &= (line[rows] - corner) @ (direction / size) > 0.3 * step
+            kept[:reach] &= (ahead[:reach] - corner) @ (direction / size) > 0.3 * step
     return keep
