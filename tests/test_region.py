@@ -50,7 +50,7 @@ def plateau(name: str, noise: float, n: int = 20_000, seed: int = 0) -> tuple[np
 def group(points: np.ndarray, params: RegionParams | None = None) -> Region:
     cloud = as_cloud(points)
     scale = measure_scale(cloud.points)
-    edges = detect(cloud.points, scale, EdgeParams())
+    edges = detect(cloud.points, scale, EdgeParams(operator="one-sided"))
     return group_points(cloud.points, scale, edges, edges.mask, params or RegionParams())
 
 
@@ -86,7 +86,7 @@ def test_a_gap_in_the_boundary_does_not_leak():
     points, inside, distance = plateau("circle", 0.0)
     cloud = as_cloud(points)
     scale = measure_scale(cloud.points)
-    edges = detect(cloud.points, scale, EdgeParams())
+    edges = detect(cloud.points, scale, EdgeParams(operator="one-sided"))
     gap = edges.mask & ~((points[:, 0] > 0) & (np.abs(points[:, 1]) < 1.5))
     assert gap.sum() < edges.mask.sum()
     region = group_points(cloud.points, scale, edges, gap, RegionParams())
@@ -121,7 +121,7 @@ def test_the_border_of_the_scan_is_no_edge():
 def test_no_surface_is_an_answer_with_a_reason():
     cloud = as_cloud(plateau("circle", 0.1)[0][::20])
     scale = measure_scale(cloud.points)
-    edges = detect(cloud.points, scale, EdgeParams())
+    edges = detect(cloud.points, scale, EdgeParams(operator="one-sided"))
     with pytest.raises(NoResultError, match="1000 of 1000 points are on an edge"):
         group_points(cloud.points, scale, edges, np.ones(1000, bool), RegionParams())
 

@@ -28,7 +28,7 @@ def roof(angle: float, gap: float) -> tuple[NDArray[np.float64], NDArray[np.bool
 
 def group(points: NDArray[np.float64]) -> tuple[Edges, Region]:
     scale = measure_scale(points)
-    edges = detect(points, scale, EdgeParams())
+    edges = detect(points, scale, EdgeParams(operator="one-sided"))
     return edges, group_points(points, scale, edges, edges.mask, RegionParams())
 
 

@@ -97,8 +97,8 @@ def edn_name(alpha: float) -> str:
 
 
 def robust(cloud: StandIn) -> Detected:
-    """Run this project's default, for comparison: one-sided normals, everything chosen from the cloud."""
-    return detected(cloud, ROBUST)
+    """Run what `surface` does by default, for comparison: one-sided normals, everything chosen from the cloud."""
+    return detected(cloud, ROBUST, operator="one-sided")
 
 
 FIG9_ALPHAS = (1.0, 0.4, 0.6, 0.0)

@@ -151,6 +151,7 @@ def reconstruct_surface(
     The paper's procedure (section 2), automatic: the result depends on the points and the parameters alone.
     """
     params = params or SurfaceParams()
+    params = replace(params, edges=params.edges.resolved("one-sided"))
     watch = Stopwatch()
 
     def stage(name: str) -> Progress | None:

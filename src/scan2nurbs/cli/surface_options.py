@@ -57,7 +57,7 @@ REGION = Stage(
     section="region",
     params=RegionParams,
     panel="Choosing the surface",
-    shown=frozenset({"seed", "clearance"}),
+    shown=frozenset({"seed"}),
     parse={"seed": place},
     metavars={"seed": "X,Y,Z"},
 )

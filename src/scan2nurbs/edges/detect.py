@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from scan2nurbs.edges.crease import crease
 from scan2nurbs.edges.operators import Lengths, Strength, run_operator
 from scan2nurbs.edges.params import EdgeParams
 from scan2nurbs.kernels.cells import build_cells
@@ -14,6 +16,8 @@ from scan2nurbs.kernels.runner import Progress
 from scan2nurbs.scale import Scale
 
 PAPER_THRESHOLD = 20.0
+# Faces that turn by less meet smoothly, as most CAD systems have it.
+CREASE_THRESHOLD = 12.0
 
 
 @dataclass(frozen=True)
@@ -76,6 +80,7 @@ def detect(points: NDArray[np.float64], scale: Scale, params: EdgeParams, progre
     "Applied iteratively" (paper, section 3) means: a further run sees only the points that the previous one kept, with
     neighbours among them and radii unchanged.
     """
+    params = params.resolved("crease")
     lengths = Lengths(spacing=scale.spacing, h=scale.h, noise=scale.noise)
     threshold = params.threshold if params.threshold is not None else _threshold(params, lengths)
     kept = np.arange(len(points))
@@ -83,7 +88,8 @@ def detect(points: NDArray[np.float64], scale: Scale, params: EdgeParams, progre
     runs: list[tuple[str, int]] = []
     for name in params.runs():
         cells = scale.cells if len(kept) == len(points) else build_cells(points[kept], scale.cells.size)
-        result = run_operator(name, cells, lengths, params, progress)
+        run = crease if name == "crease" else partial(run_operator, name)
+        result = run(cells, lengths, params, progress)
         collected.add(result, kept[cells.order])
         strength = collected.strength[kept]
         kept = kept[strength > threshold]  # NaN is never larger
@@ -110,7 +116,9 @@ def detect(points: NDArray[np.float64], scale: Scale, params: EdgeParams, progre
 
 
 def _threshold(params: EdgeParams, lengths: Lengths) -> float:
-    """Choose δ: the paper's 20 degrees, or for one-sided normals what their own scatter cannot reach."""
+    """Choose δ: the paper's 20 degrees, 12 for creases, or for one-sided normals what their own scatter cannot reach."""
+    if "crease" in params.runs():
+        return CREASE_THRESHOLD
     if "one-sided" not in params.runs():
         return PAPER_THRESHOLD
     # Wherever the radius meets its bounds the normals' tilt grows with the noise, and their quantile with it.

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 from scan2nurbs.errors import ParameterError
 
-OPERATORS = ("one-sided", "dn", "vdn", "edn")
+OPERATORS = ("auto", "crease", "one-sided", "dn", "vdn", "edn")
 
 
 def _about(default: Any, help: str, unit: str = "", low: float | None = None, high: float | None = None) -> Any:
@@ -21,14 +21,19 @@ class EdgeParams:
     """Parameters of `detect_edges`; without arguments everything is chosen from the cloud.
 
     Radii of the paper's operators (dn, vdn, edn) are in units of d̄, the mean distance to the nearest other point; the radius of
-    the one-sided operator is in units of h, the noise-stable spacing. With ``absolute=True`` all of them are in the cloud's unit.
+    the one-sided normals is in units of h, the noise-stable spacing. With ``absolute=True`` all of them are in the cloud's unit.
 
     Attributes
     ----------
-    operator : {"one-sided", "dn", "vdn", "edn"}
-        "one-sided" compares one-sided normals and withstands noise; the others are those of the paper, exactly.
+    operator : {"auto", "crease", "one-sided", "dn", "vdn", "edn"}
+        "crease" asks whether two faces explain a neighbourhood better than one curved face, and marks thin edges; "one-sided", its
+        first pass, compares one-sided normals, and marks bands where the surface bends sharply, narrow roundings and smooth steps
+        included. Both withstand noise. The others are those of the paper, exactly. "auto" is "crease" where edges are wanted, and
+        "one-sided" where they bound a surface.
     radius : float, optional
         Radius of the one-sided normals, (0, inf); None chooses it from the noise.
+    reach : float, optional
+        "crease" marks the points up to this far from the crease, in h, (0, inf); None: 1 and the noise, which moves points off it.
     small_radius, large_radius : float
         r_s and r_l of the paper's operators, (0, inf), r_s < r_l. VDN by itself uses r_l.
     absolute : bool
@@ -38,8 +43,8 @@ class EdgeParams:
     beta : float, optional
         Weight β of VDN in EDN, [0, 1]; 1 − α unless given.
     threshold : float, optional
-        δ in degrees, [0, 90]; a point is on an edge where its strength is larger. None: 20 for the paper's operators, chosen
-        from the noise for the one-sided one.
+        δ in degrees, [0, 90]; a point is on an edge where its strength is larger. None: 20 for the paper's operators, 12 for
+        "crease", chosen from the noise for "one-sided".
     sectors : int
         g of VDN, [2, 64]; 4 is Algorithm 1.
     repeat : int
@@ -48,8 +53,13 @@ class EdgeParams:
         Operators to run one after the other instead, such as "vdn*3, dn".
     """
 
-    operator: str = _about("one-sided", "one-sided (robust, the default), or dn, vdn, edn as in the paper")
+    operator: str = _about(
+        "auto",
+        "crease (thin edges where faces meet sharply), one-sided (bands where the surface bends sharply), dn, vdn or edn as in the paper; "
+        "auto: crease where edges are wanted, one-sided where they bound a surface",
+    )
     radius: float | None = _about(None, "radius of the one-sided normals; from the noise unless given", "h", 0.0, math.inf)
+    reach: float | None = _about(None, "how far from a crease points are marked; 1 and the noise unless given", "h", 0.0, math.inf)
     small_radius: float = _about(1.5, "r_s of dn and edn", "d̄", 0.0, math.inf)
     large_radius: float = _about(10.0, "r_l of dn, vdn and edn", "d̄", 0.0, math.inf)
     absolute: bool = _about(False, "radii are lengths in the cloud's unit")
@@ -83,6 +93,10 @@ class EdgeParams:
         if self.beta is not None and abs(self.alpha + self.beta - 1.0) > 1e-9:
             raise ParameterError(f"The weights of EDN must satisfy alpha + beta = 1. Got {self.alpha:g} + {self.beta:g} instead.")
         self.runs()
+
+    def resolved(self, automatic: str) -> EdgeParams:
+        """Return the same parameters with the operator "auto" replaced."""
+        return replace(self, operator=automatic) if self.operator == "auto" else self
 
     def runs(self) -> tuple[str, ...]:
         """Return the operators to run, in order."""
