@@ -38,6 +38,9 @@ class EdgeParams:
         r_s and r_l of the paper's operators, (0, inf), r_s < r_l. VDN by itself uses r_l.
     absolute : bool
         Whether radii are lengths in the cloud's unit.
+    exact : bool
+        Whether the paper's operators sum every point of balls of thousands; else small cells stand for their points, which
+        moves normals by less than half a degree.
     alpha : float
         Weight α of DN in EDN, [0, 1].
     beta : float, optional
@@ -63,6 +66,7 @@ class EdgeParams:
     small_radius: float = _about(1.5, "r_s of dn and edn", "d̄", 0.0, math.inf)
     large_radius: float = _about(10.0, "r_l of dn, vdn and edn", "d̄", 0.0, math.inf)
     absolute: bool = _about(False, "radii are lengths in the cloud's unit")
+    exact: bool = _about(False, "sum every point of balls of thousands, instead of small cells")
     alpha: float = _about(0.4, "weight α of DN in EDN", "", 0.0, 1.0)
     beta: float | None = _about(None, "weight β of VDN in EDN; 1 − α unless given", "", 0.0, 1.0)
     threshold: float | None = _about(None, "δ: strength above which a point is on an edge", "degrees", 0.0, 90.0)
