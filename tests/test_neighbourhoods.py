@@ -15,6 +15,7 @@ from scan2nurbs.kernels.moments import ball_planes
 from scan2nurbs.kernels.nearest import nearest_distance, nearest_neighbours, nearest_to
 from scan2nurbs.kernels.one_sided import normal_differences, one_sided_planes
 from scan2nurbs.kernels.runner import set_threads
+from scan2nurbs.kernels.symmetric3 import line_angles
 
 
 def wavy(n: int, seed: int = 0, noise: float = 0.02) -> np.ndarray:
@@ -106,6 +107,19 @@ def test_ball_planes_equal_singular_vectors(points, factor):
             assert abs(planes.variance[i] - values[2] / len(members)) < 1e-5 * radius**2
 
 
+def test_clusters_stand_for_the_points_of_large_balls():
+    points = wavy(40_000, noise=0.1)
+    cells = build_cells(points, 5.0)
+    todo = np.arange(len(points)) % 50 == 0
+    exact = ball_planes(cells, 40.0, sectors=4, exact=True, todo=todo)
+    clustered = ball_planes(cells, 40.0, sectors=4, todo=todo)
+    assert not np.array_equal(exact.normal[todo], clustered.normal[todo])
+    tilt = line_angles(exact.normal[todo], clustered.normal[todo])
+    assert np.quantile(tilt, 0.99) < 0.5
+    assert np.median(np.abs(exact.sector_angle - clustered.sector_angle)[todo]) < 1.5
+    np.testing.assert_allclose(clustered.n_points[todo], exact.n_points[todo], rtol=0.03)
+
+
 def sector_angle_twin(points: np.ndarray, i: int, radius: float, sectors: int, sign: float = 1.0) -> float:
     """Algorithm 1 and eq. 2.3, as they read, for one point."""
     relative = points - points[i]
@@ -170,7 +184,14 @@ def test_results_do_not_depend_on_the_number_of_threads():
         planes = ball_planes(cells, 4.0, sectors=4)
         chosen = one_sided_planes(cells, planes, 4.0, 0.02)
         index, distance = nearest_neighbours(cells, 12)
-        return (*planes, chosen, normal_differences(cells, planes.normal[chosen], 2.0, 0.9), index, distance)
+        return (
+            *planes,
+            *ball_planes(cells, 40.0, sectors=4),
+            chosen,
+            normal_differences(cells, planes.normal[chosen], 2.0, 0.9),
+            index,
+            distance,
+        )
 
     results = []
     for threads in (1, 2, 8):

@@ -41,7 +41,9 @@ class Normals:
     balls: BallPlanes
 
 
-def normals_at(cells: Cells, radius: float, *, sectors: int = 0, only_normals: bool = False, progress: Progress | None = None) -> Normals:
+def normals_at(
+    cells: Cells, radius: float, *, sectors: int = 0, only_normals: bool = False, exact: bool = False, progress: Progress | None = None
+) -> Normals:
     """Estimate normals from all points closer than a radius (paper, section 2.1).
 
     Parameters
@@ -54,6 +56,8 @@ def normals_at(cells: Cells, radius: float, *, sectors: int = 0, only_normals: b
         g of VDN, or 0 to leave it out.
     only_normals : bool
         Whether to leave out the balls' mean and variance.
+    exact : bool
+        Whether each point is summed even where a ball holds thousands (see `ball_planes`).
     progress : callable, optional
         Called with (cells done, cells).
 
@@ -63,7 +67,7 @@ def normals_at(cells: Cells, radius: float, *, sectors: int = 0, only_normals: b
     times; a point that has no plane then has no normal. VDN is never taken from a widened ball: sectors of a ball without a plane
     have no sense.
     """
-    balls = ball_planes(cells, radius, sectors=sectors, widenings=MAX_WIDENINGS, only_normals=only_normals, progress=progress)
+    balls = ball_planes(cells, radius, sectors=sectors, widenings=MAX_WIDENINGS, only_normals=only_normals, exact=exact, progress=progress)
     status = np.where(np.isnan(balls.normal[:, 0]), np.uint8(UNDEFINED), balls.widened)
     return Normals(radius=radius, normal=balls.normal, status=status, sector_angle=balls.sector_angle, balls=balls)
 

@@ -64,7 +64,7 @@ def run_operator(name: str, cells: Cells, lengths: Lengths, params: EdgeParams, 
     unit = 1.0 if params.absolute else lengths.spacing
     small_radius, large_radius = params.small_radius * unit, params.large_radius * unit
     sectors = 0 if name == "dn" else params.sectors
-    large = normals_at(cells, large_radius, sectors=sectors, only_normals=True, progress=progress)
+    large = normals_at(cells, large_radius, sectors=sectors, only_normals=True, exact=params.exact, progress=progress)
     if name == "vdn":
         return Strength(
             strength=large.sector_angle,
@@ -73,7 +73,7 @@ def run_operator(name: str, cells: Cells, lengths: Lengths, params: EdgeParams, 
             radii={"large": large_radius},
             counts=_counts("large", large),
         )
-    small = normals_at(cells, small_radius, sectors=sectors, only_normals=True, progress=progress)
+    small = normals_at(cells, small_radius, sectors=sectors, only_normals=True, exact=params.exact, progress=progress)
     dn = angles_between(small.normal, large.normal)
     radii = {"small": small_radius, "large": large_radius}
     counts = _counts("small", small) | _counts("large", large)

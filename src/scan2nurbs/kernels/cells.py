@@ -216,14 +216,16 @@ def points_in_box(points, runs, n_runs, low, high, indices):
 
 
 @kernel
-def gather(cells, first, end, reach, scale, centre, runs, table):
-    """Copy the points within reach of one cell's bounding box, as rows x, y, z relative to the box's centre.
+def gather(cells, weights, low, high, reach, scale, centre, runs, table):
+    """Copy the points within reach of a box, as rows x, y, z relative to the box's centre.
 
     Parameters
     ----------
     cells : Cells
-    first, end : int
-        The cell's points.
+    weights : (N, W) float
+        More columns of the sorted points, or (0, 0).
+    low, high : (3,) float64
+        Corners of the box; they come back moved apart by the reach.
     reach : float
         In the points' unit.
     scale : float
@@ -233,7 +235,7 @@ def gather(cells, first, end, reach, scale, centre, runs, table):
     runs : (K, 2) int64
         Scratch; a larger array is returned where it is too small.
     table : (R, M) float
-        Its first three rows receive the points; a larger array is returned where it is too small.
+        Its first three rows receive the points, its last W the weights; a larger array is returned where it is too small.
 
     Returns
     -------
@@ -242,8 +244,7 @@ def gather(cells, first, end, reach, scale, centre, runs, table):
         How many columns are filled: a multiple of `LANES`, the last ones with points far away.
     """
     points = cells.points
-    low, high, half = np.empty(3), np.empty(3), np.empty(3)
-    bounds(points, first, end, low, high)
+    half = np.empty(3)
     for k in range(3):
         centre[k] = 0.5 * (low[k] + high[k])
         half[k] = 0.5 * (high[k] - low[k])
@@ -255,17 +256,20 @@ def gather(cells, first, end, reach, scale, centre, runs, table):
         table = np.empty((table.shape[0], (2 * room // LANES | 1) * LANES), table.dtype)
     x, y, z = table[0], table[1], table[2]
     cx, cy, cz, hx, hy, hz = centre[0], centre[1], centre[2], half[0], half[1], half[2]
-    limit = reach * reach
-    n = 0
+    limit, n_weights = reach * reach, weights.shape[1]
+    first_weight, n = table.shape[0] - n_weights, 0
     for r in range(n_runs):
         for i in range(runs[r, 0], runs[r, 1]):
             dx, dy, dz = points[i, 0] - cx, points[i, 1] - cy, points[i, 2] - cz
             x[n], y[n], z[n] = dx * scale, dy * scale, dz * scale
             gx, gy, gz = max(abs(dx) - hx, 0.0), max(abs(dy) - hy, 0.0), max(abs(dz) - hz, 0.0)
+            for k in range(n_weights):
+                table[first_weight + k, n] = weights[i, k]
             n += gx * gx + gy * gy + gz * gz <= limit
     # Whole vectors are several times faster than what is left over after the last one.
     filled = -(-n // LANES) * LANES
     x[n:filled], y[n:filled], z[n:filled] = FAR, FAR, FAR
+    table[first_weight:, n:filled] = 0.0
     return runs, table, filled
 
 

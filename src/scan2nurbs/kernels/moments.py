@@ -1,8 +1,8 @@
 """Normals at a radius, and what VDN compares: planes of sectors of a ball, from streamed sums.
 
 For each cell the candidates within reach are gathered once, as float32 relative to the cell's centre and in units of the
-radius; each point of the cell then makes branch-free passes over them: which lie in its ball, which of those left of a plane
-through it, and the sums of what is left. No neighbour is ever listed.
+radius; each point of the cell then makes branch-free passes over them: which lie in its ball, in which sector of it, and the
+sums of each sector. No neighbour is ever listed. Where balls hold thousands of points the candidates are clusters of them.
 """
 
 from __future__ import annotations
@@ -12,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from scan2nurbs.kernels.cells import COLUMNS, Cells, gather
+from scan2nurbs.kernels.cells import COLUMNS, Cells, bounds, gather
+from scan2nurbs.kernels.clusters import Sources, cluster
 from scan2nurbs.kernels.runner import Progress, kernel, run_ranges
 from scan2nurbs.kernels.symmetric3 import plane_of_moments
 
@@ -22,6 +23,14 @@ WIDENING = 2.0**0.5
 ON_PLANE = np.float32(1e-6)
 # A sector found as a difference of sums keeps enough digits where it holds at least this part of the ball's points.
 FEW = 1.0 / 32.0
+# Rows of a table of candidates: x, y, z, share of the ball, code; behind them those of the weights of clusters.
+POINT_ROWS = 5
+TINY = np.float32(1e-9)
+
+
+# Where a cell of this part of the radius would hold so many points on average, it takes their place: about 2,000 a ball.
+CLUSTER = 1.0 / 10.0
+CLUSTERED = 5.0
 
 
 class BallPlanes(NamedTuple):
@@ -59,6 +68,7 @@ def ball_planes(
     sectors: int = 0,
     widenings: int = 0,
     only_normals: bool = False,
+    exact: bool = False,
     todo: NDArray[np.bool_] | None = None,
     progress: Progress | None = None,
 ) -> BallPlanes:
@@ -77,6 +87,8 @@ def ball_planes(
         sectors.
     only_normals : bool
         Whether to leave out `mean` and `variance`.
+    exact : bool
+        Whether each point of a ball is summed, however many there are; else thousands of them are summed up by small cells.
     todo : (N,) bool, optional
         Which sorted points to compute; the others get NaN.
     progress : callable, optional
@@ -92,11 +104,15 @@ def ball_planes(
         sector_angle=np.empty(n if sectors else 0),
         widened=np.empty(n, np.uint8),
     )
+    sources = Sources(cells, np.empty((0, 0), np.float32), 0.0)
+    density = n / len(cells.cell_key) / cells.size**2
+    if not exact and density * (CLUSTER * radius) ** 2 >= CLUSTERED:
+        sources = cluster(cells, CLUSTER * radius, radius)
     wanted = np.ones(0, np.bool_) if todo is None else todo
     turn = 2.0 * np.pi * np.arange(sectors) / max(sectors, 1)
     borders = np.stack([np.cos(turn), np.sin(turn)], axis=1).astype(np.float32)
     run_ranges(
-        lambda start, stop: _ball_planes(cells, float(radius), widenings, borders, wanted, start, stop, result),
+        lambda start, stop: _ball_planes(cells, sources, float(radius), widenings, borders, wanted, start, stop, result),
         len(cells.cell_key),
         size=CELLS_PER_RANGE,
         progress=progress,
@@ -105,10 +121,10 @@ def ball_planes(
 
 
 @kernel
-def _ball_planes(cells, radius, widenings, borders, todo, start, stop, out):
-    centre = np.empty(3)
+def _ball_planes(cells, sources, radius, widenings, borders, todo, start, stop, out):
+    centre, low, high = np.empty(3), np.empty(3), np.empty(3)
     runs = np.empty((64, 2), np.int64)
-    table = np.empty((5, COLUMNS), np.float32)
+    table = np.empty((POINT_ROWS + sources.weights.shape[1], COLUMNS), np.float32)
     pending = np.empty(64, np.int64)
     for cell in range(start, stop):
         first, end = cells.cell_start[cell], cells.cell_start[cell + 1]
@@ -124,7 +140,11 @@ def _ball_planes(cells, radius, widenings, borders, todo, start, stop, out):
         for step in range(widenings + 1):
             if n_pending == 0:
                 break
-            runs, table, n = gather(cells, first, end, reach, 1.0 / reach, centre, runs, table)
+            bounds(cells.points, first, end, low, high)
+            runs, table, n = gather(sources.cells, sources.weights, low, high, reach + 0.5 * sources.size, 1.0 / reach, centre, runs, table)
+            # Products of lengths shrink with the square of the unit.
+            for k in range(POINT_ROWS + 1, len(table)):
+                table[k, :n] *= np.float32((radius / reach) ** 2)
             n_pending = _fit_cell(cells, reach, step, centre, table, n, pending, n_pending, borders, out)
             reach *= WIDENING
 
@@ -146,7 +166,6 @@ def _clear(out, i):
 @kernel
 def _fit_cell(cells, reach, step, centre, table, n, pending, n_pending, borders, out):
     """Fit the planes of one cell's pending points; return how many are still without one, moved to the front of `pending`."""
-    x, y, z, inside = table[0], table[1], table[2], table[3]
     sums, plane = np.empty(10), np.empty(11)
     sector_sums, normals = np.empty(10), np.empty((len(borders), 3))
     left, scale = 0, 1.0 / reach
@@ -155,12 +174,11 @@ def _fit_cell(cells, reach, step, centre, table, n, pending, n_pending, borders,
         px = np.float32((cells.points[i, 0] - centre[0]) * scale)
         py = np.float32((cells.points[i, 1] - centre[1]) * scale)
         pz = np.float32((cells.points[i, 2] - centre[2]) * scale)
-        count = _ball(x, y, z, n, px, py, pz, inside)
+        _ball_sums(table, n, px, py, pz, sums)
+        count = sums[9]
         if step == 0:
             out.n_points[i] = np.int32(count)
-        if count >= 3.0:
-            _sum(x, y, z, n, px, py, pz, inside, 1, sums)
-        if count < 3.0 or not plane_of_moments(count, sums, plane):
+        if not plane_of_moments(count, sums, plane):
             pending[left] = i
             left += 1
             continue
@@ -177,6 +195,20 @@ def _fit_cell(cells, reach, step, centre, table, n, pending, n_pending, borders,
 
 
 @kernel
+def _ball_sums(table, n, px, py, pz, sums):
+    """Write how much of each candidate lies in the ball about p into row 3 of the table, and sum its moments."""
+    x, y, z, inside, code = table[0], table[1], table[2], table[3], table[4]
+    if len(table) == POINT_ROWS:
+        sums[9] = _ball(x, y, z, n, px, py, pz, inside)
+        if sums[9] >= 3.0:
+            _sum(x, y, z, n, px, py, pz, inside, 1, sums)
+    else:
+        w, xx, xy, xz, yy, yz, zz = table[5], table[6], table[7], table[8], table[9], table[10], table[11]
+        _ball_of_clusters(x, y, z, n, px, py, pz, w, xx, xy, xz, yy, yz, zz, inside, code)
+        _sums(table, n, px, py, pz, 1, sums)
+
+
+@kernel
 def _ball(x, y, z, n, px, py, pz, inside):
     """Write 1 for each point closer than 1 to p, else 0; return how many are."""
     zero, one, count = np.float32(0.0), np.float32(1.0), np.float32(0.0)
@@ -189,26 +221,23 @@ def _ball(x, y, z, n, px, py, pz, inside):
 
 
 @kernel
-def _sum(x, y, z, n, px, py, pz, code, which, sums):
-    """Sum the moments about p of the points with one code: x, y, z, xx, xy, xz, yy, yz, zz, and their number."""
-    zero, one, wanted = np.float32(0.0), np.float32(1.0), np.float32(which)
-    count, sx, sy, sz = zero, zero, zero, zero
-    xx, xy, xz, yy, yz, zz = zero, zero, zero, zero, zero, zero
+def _ball_of_clusters(x, y, z, n, px, py, pz, weight, cxx, cxy, cxz, cyy, cyz, czz, share, code):
+    """Write which share of each cluster is closer than 1 to p, and as its code 1.
+
+    The share is that of a uniform distribution as wide, towards p, as the cluster's own.
+    """
+    zero, half, one = np.float32(0.0), np.float32(0.5), np.float32(1.0)
     for j in range(n):
-        w = one if code[j] == wanted else zero
         dx, dy, dz = x[j] - px, y[j] - py, z[j] - pz
-        wx, wy, wz = w * dx, w * dy, w * dz
-        count += w
-        sx += wx
-        sy += wy
-        sz += wz
-        xx += wx * dx
-        xy += wx * dy
-        xz += wx * dz
-        yy += wy * dy
-        yz += wy * dz
-        zz += wz * dz
-    sums[0], sums[1], sums[2], sums[3], sums[4], sums[5], sums[6], sums[7], sums[8], sums[9] = sx, sy, sz, xx, xy, xz, yy, yz, zz, count
+        square = dx * dx + dy * dy + dz * dz
+        ax = cxx[j] * dx + cxy[j] * dy + cxz[j] * dz
+        ay = cxy[j] * dx + cyy[j] * dy + cyz[j] * dz
+        az = cxz[j] * dx + cyz[j] * dy + czz[j] * dz
+        # (1 − d) d = d − d², and the variance along d is dᵀCd / (w d²), of a uniform distribution width² / 12.
+        spread = np.sqrt(np.float32(12.0) * (ax * dx + ay * dy + az * dz) / (weight[j] + TINY)) + TINY
+        depth = (np.sqrt(square) - square) / spread + half
+        share[j] = one if depth > one else (depth if depth > zero else zero)
+        code[j] = one
 
 
 @kernel
@@ -221,16 +250,16 @@ def _sector_angle(table, n, px, py, pz, borders, ball, plane, sums, normals):
     g = len(borders)
     if ball[9] < 5.0:
         return np.nan  # two sectors with a plane hold two points each besides p
-    x, y, z, sector = table[0], table[1], table[2], table[4]
+    own = 1.0 if len(table) == POINT_ROWS else 0.0  # p is one of the points, but none of the clusters
     on_border = _mark_sectors(table, n, px, py, pz, borders, plane)
     few, found = FEW * ball[9], 0
     for s in range(g):
         # What is left of the ball is the last sector, unless other points than p lie on borders or few digits would be left.
-        if s == g - 1 and on_border == 1.0 and ball[9] - 1.0 >= few:
+        if s == g - 1 and on_border == own and ball[9] - own >= few:
             sums[:] = ball
-            sums[9] -= 1.0
+            sums[9] -= own
         else:
-            _sum(x, y, z, n, px, py, pz, sector, s + 1, sums)
+            _sums(table, n, px, py, pz, s + 1, sums)
             for k in range(10):
                 ball[k] -= sums[k]
         # The point itself belongs to each of its sectors; about itself it adds nothing to the sums but one to the count.
@@ -273,7 +302,7 @@ def _mark_quadrants(x, y, z, n, px, py, pz, ux, uy, uz, vx, vy, vz, inside, sect
     zero, one, two, on_border = np.float32(0.0), np.float32(1.0), np.float32(2.0), np.float32(0.0)
     for j in range(n):
         dx, dy, dz = x[j] - px, y[j] - py, z[j] - pz
-        p, q, w = ux * dx + uy * dy + uz * dz, vx * dx + vy * dy + vz * dz, inside[j]
+        p, q, w = ux * dx + uy * dy + uz * dz, vx * dx + vy * dy + vz * dz, one if inside[j] > zero else zero
         on_plane = w if min(abs(p), abs(q)) <= ON_PLANE else zero
         sector[j] = (w - on_plane) * (one + (one if p > zero else zero) + (two if q > zero else zero))
         on_border += on_plane
@@ -286,3 +315,61 @@ def _mark_wedge(x, y, z, n, px, py, pz, ux, uy, uz, vx, vy, vz, inside, number, 
         dx, dy, dz = x[j] - px, y[j] - py, z[j] - pz
         p, q = ux * dx + uy * dy + uz * dz, vx * dx + vy * dy + vz * dz
         sector[j] = number if (min(p, q) > ON_PLANE) & (inside[j] > np.float32(0.0)) else sector[j]
+
+
+@kernel
+def _sums(table, n, px, py, pz, which, sums):
+    """Sum the moments about p of the points, or of the shares of clusters, with one code in row 4."""
+    x, y, z, share, code = table[0], table[1], table[2], table[3], table[4]
+    if len(table) == POINT_ROWS:
+        _sum(x, y, z, n, px, py, pz, code, which, sums)
+    else:
+        w, xx, xy, xz, yy, yz, zz = table[5], table[6], table[7], table[8], table[9], table[10], table[11]
+        _sum_clusters(x, y, z, n, px, py, pz, code, which, share, w, xx, xy, xz, yy, yz, zz, sums)
+
+
+@kernel
+def _sum(x, y, z, n, px, py, pz, code, which, sums):
+    """Sum the moments about p of the points with one code: x, y, z, xx, xy, xz, yy, yz, zz, and their number."""
+    zero, one, wanted = np.float32(0.0), np.float32(1.0), np.float32(which)
+    count, sx, sy, sz = zero, zero, zero, zero
+    xx, xy, xz, yy, yz, zz = zero, zero, zero, zero, zero, zero
+    for j in range(n):
+        w = one if code[j] == wanted else zero
+        dx, dy, dz = x[j] - px, y[j] - py, z[j] - pz
+        wx, wy, wz = w * dx, w * dy, w * dz
+        count += w
+        sx += wx
+        sy += wy
+        sz += wz
+        xx += wx * dx
+        xy += wx * dy
+        xz += wx * dz
+        yy += wy * dy
+        yz += wy * dz
+        zz += wz * dz
+    sums[0], sums[1], sums[2], sums[3], sums[4], sums[5], sums[6], sums[7], sums[8], sums[9] = sx, sy, sz, xx, xy, xz, yy, yz, zz, count
+
+
+@kernel
+def _sum_clusters(x, y, z, n, px, py, pz, code, which, share, weight, cxx, cxy, cxz, cyy, cyz, czz, sums):
+    """Sum the moments about p of the clusters with one code: those of their means and those about their means."""
+    zero, wanted = np.float32(0.0), np.float32(which)
+    count, sx, sy, sz = zero, zero, zero, zero
+    xx, xy, xz, yy, yz, zz = zero, zero, zero, zero, zero, zero
+    for j in range(n):
+        m = share[j] if code[j] == wanted else zero
+        w = m * weight[j]
+        dx, dy, dz = x[j] - px, y[j] - py, z[j] - pz
+        wx, wy, wz = w * dx, w * dy, w * dz
+        count += w
+        sx += wx
+        sy += wy
+        sz += wz
+        xx += wx * dx + m * cxx[j]
+        xy += wx * dy + m * cxy[j]
+        xz += wx * dz + m * cxz[j]
+        yy += wy * dy + m * cyy[j]
+        yz += wy * dz + m * cyz[j]
+        zz += wz * dz + m * czz[j]
+    sums[0], sums[1], sums[2], sums[3], sums[4], sums[5], sums[6], sums[7], sums[8], sums[9] = sx, sy, sz, xx, xy, xz, yy, yz, zz, count

@@ -78,7 +78,8 @@ def nearest_distance(cells: Cells, *, reach: float, progress: Progress | None = 
 def _nearest_distance(cells, start_reach, start, stop, out):
     points = cells.points
     most = 4.0 * cells.size * np.max(cells.shape)
-    centre = np.empty(3)
+    centre, low, high = np.empty(3), np.empty(3), np.empty(3)
+    no_weights = np.empty((0, 0))
     runs = np.empty((64, 2), np.int64)
     table = np.empty((3, COLUMNS))
     for cell in range(start, stop):
@@ -87,7 +88,8 @@ def _nearest_distance(cells, start_reach, start, stop, out):
         reach, left = start_reach, end - first
         while left > 0:
             scale = 1.0 / reach
-            runs, table, n = gather(cells, first, end, reach, scale, centre, runs, table)
+            bounds(points, first, end, low, high)
+            runs, table, n = gather(cells, no_weights, low, high, reach, scale, centre, runs, table)
             left = 0
             for i in range(first, end):
                 if out[i] == np.inf:
