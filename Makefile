@@ -35,6 +35,9 @@ bench: $(VENV)/.test-stamp ## Measure accuracy and speed; with SCANS=FOLDER on t
 
 gallery: $(VENV)/.test-stamp ## Redo the paper's experiments and their pictures
 	$(BIN)/python -m examples.paper
+	@mkdir -p demo
+	$(BIN)/python examples/demo.py demo
+	$(BIN)/python -m examples.picture demo/scan.ply docs/images/demo.png
 
 clean: ## Remove what was made, but not .venv
 	rm -rf demo dist build .pytest_cache .ruff_cache

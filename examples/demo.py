@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-PART = "saddle"
+PART = "demo"
 
 
 def scan2nurbs(*arguments: object) -> None:
@@ -25,7 +25,7 @@ def main(folder: Path) -> None:
 
     folder.mkdir(parents=True, exist_ok=True)
     (step,) = write_parts(folder, [PART])
-    scan, seed = folder / "scan.ply", ",".join(f"{value:g}" for value in PARTS[PART].seed)
+    scan, seed = folder / "scan.ply", ",".join(f"{value:.4g}" for value in PARTS[PART].seed)
     scan2nurbs("simulate", step, "-o", scan, "--n-points", 40_000, "--views", 9, "--spread", 50, "--noise", 0.25, "--quiet")
     scan2nurbs("info", scan)
     scan2nurbs("surface", scan, "-o", folder / "surface.step", "--report", folder / "report.html", "--seed", seed)
