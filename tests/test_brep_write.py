@@ -155,6 +155,14 @@ def test_triangles_lie_on_the_face_and_cover_it():
         tessellate_face(face, deflection=0.0)
 
 
+@pytest.mark.parametrize("suffix", [".step", ".brep"])
+def test_a_face_of_a_few_nanometres_is_written(suffix, tmp_path):
+    face = trimmed_face(plate(size=2e-6), [circle(0.5, 0.5, 0.3)], tolerance=2e-9)
+    written = write_model(tmp_path / f"tiny{suffix}", face, unit="mm")
+    assert written.model.valid
+    assert written.model.area == pytest.approx(face.area, rel=1e-3)
+
+
 def test_3dm_holds_surface_and_curves_in_its_unit(tmp_path, tube):
     rhino3dm = pytest.importorskip("rhino3dm")
     written = write_model(tmp_path / "part.3dm", tube, unit="in")

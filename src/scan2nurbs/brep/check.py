@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from scan2nurbs.brep.occ import kernel_errors, silence
+from scan2nurbs.brep.occ import CONFUSION, kernel_errors, silence
 
 _DEFLECTION = 1e-2
 _FAILURES = 0x1 | 0x2 | 0x4
@@ -114,5 +114,7 @@ def _is_valid_meshed(shape: Any) -> bool:
     if box.IsVoid():
         return True
     copy = BRepBuilderAPI_Copy(shape).Shape()
-    mesh = BRepMesh_IncrementalMesh(copy, _DEFLECTION * box.SquareExtent() ** 0.5, False, 0.5, False)
+    # The kernel refuses a deflection below its own absolute tolerance.
+    deflection = max(_DEFLECTION * box.SquareExtent() ** 0.5, CONFUSION)
+    mesh = BRepMesh_IncrementalMesh(copy, deflection, False, 0.5, False)
     return mesh.GetStatusFlags() & _FAILURES == 0 and is_valid(copy)
