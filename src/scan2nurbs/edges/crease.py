@@ -24,6 +24,8 @@ FLOOR = 0.03
 TILT = 2.0
 RADII = (4.0, 8.0)
 WIDER = 2.0
+# How far from an edge, in h, the bands of one-sided normals reach.
+BAND = 3.0
 
 
 def crease(cells: Cells, lengths: Lengths, params: EdgeParams, progress: Progress | None = None) -> Strength:
@@ -58,6 +60,27 @@ def crease(cells: Cells, lengths: Lengths, params: EdgeParams, progress: Progres
         radii=candidates.radii | {"wedge": radius, "wedge_wider": WIDER * radius},
         counts=candidates.counts | {"crease_candidates": len(chosen), "crease_candidates_wider": len(open_)},
     )
+
+
+def breaks(cells: Cells, places: NDArray[np.float64], lengths: Lengths) -> NDArray[np.bool_]:
+    """Tell near which places the surface breaks: a band's width away, two half-planes explain it better than one curved face.
+
+    Parameters
+    ----------
+    cells : Cells
+        The sorted points.
+    places : (M, 3) float64
+        Points of bands along edges.
+    lengths : Lengths
+        Spacing and noise.
+    """
+    radius, reach = fit_radius(lengths.noise / lengths.h) * lengths.h, BAND * lengths.h
+    near = _compare(cells, places, radius, lengths, reach)
+    found = (near.evidence > EVIDENCE) & (near.turn > 0.0)
+    open_ = np.flatnonzero((near.evidence > 0.0) & ~found)
+    far = _compare(cells, places[open_], WIDER * radius, lengths, reach)
+    found[open_] = (far.evidence > EVIDENCE) & (far.turn > 0.0)
+    return found
 
 
 class _Comparison(NamedTuple):

@@ -12,6 +12,8 @@ from scan2nurbs.kernels.graph import basins
 # How much wider, in h, a surface must be on both sides of a narrow place to be parted there at all: random sampling alone
 # moves the distance to the nearest edge point by about half a spacing.
 LEAST_DEPTH = 1.0
+# Walls are summed in whole parts: sums of integers do not depend on their order.
+PARTS = 16
 
 
 def find_surfaces(
@@ -19,7 +21,7 @@ def find_surfaces(
     smooth: NDArray[np.bool_],
     level: NDArray[np.bool_],
     to_edge: NDArray[np.float64],
-    edge: NDArray[np.bool_],
+    wall: NDArray[np.float64],
     h: float,
 ) -> NDArray[np.int32]:
     """Part the points between the edges into surfaces.
@@ -34,25 +36,27 @@ def find_surfaces(
         Those of them that do not cross a crease.
     to_edge : (N,) float64
         Distance of every point to the nearest edge point.
-    edge : (N,) bool
-        Points on an edge.
+    wall : (N,) float64
+        How much each point parts surfaces: 0 for points on no edge, up to 1 on what is an edge beyond doubt.
     h : float
         The noise-stable spacing.
 
     Returns
     -------
     (N,) int32
-        Surface of every point; −1 on edges.
+        Surface of every point; −1 on edges. Points of a wall of less than one half within a surface belong to it.
 
     Notes
     -----
     The distance to the edges has a saddle in every gap of a boundary, and in every neck of a surface: both part basins. They
-    are told apart by what the two basins have in common: along a wall with a gap it is mostly edge, across a neck it is mostly
+    are told apart by what the two basins have in common: along a wall with a gap it is mostly wall, across a neck it is mostly
     clear. Pairs are joined from the clearest on, so that the wall of a whole surface counts, not that of a part of it.
     """
+    edge = wall > 0.0
     parted = basins(neighbours, level, to_edge, ~edge, LEAST_DEPTH * h)
     everywhere = grow(parted, neighbours, smooth, np.ones(len(edge), bool))
-    return _join(everywhere, parted, neighbours, level, edge)
+    joined = _join(everywhere, parted, neighbours, level, wall)
+    return grow(joined, neighbours, level, edge & (wall < 0.5))
 
 
 def grow(
@@ -77,11 +81,11 @@ def _join(
     parted: NDArray[np.int32],
     neighbours: NDArray[np.int32],
     level: NDArray[np.bool_],
-    edge: NDArray[np.bool_],
+    wall: NDArray[np.float64],
 ) -> NDArray[np.int32]:
     """Join the basins whose common border is mostly clear; `everywhere` has labels on the edge points too."""
     n = int(parted.max(initial=-1)) + 1
-    contacts = _contacts(everywhere, neighbours, level, edge, n)
+    contacts = _contacts(everywhere, neighbours, level, wall, n)
     parent = list(range(n))
     waiting = [(-_clearness(count), a, b) for a in range(n) for b, count in contacts[a].items() if a < b]
     heapq.heapify(waiting)
@@ -104,21 +108,23 @@ def _join(
 
 
 def _contacts(
-    everywhere: NDArray[np.int32], neighbours: NDArray[np.int32], level: NDArray[np.bool_], edge: NDArray[np.bool_], n: int
+    everywhere: NDArray[np.int32], neighbours: NDArray[np.int32], level: NDArray[np.bool_], wall: NDArray[np.float64], n: int
 ) -> list[dict[int, tuple[int, int]]]:
-    """Count the links between basins: how many are clear, and how many cross an edge or a step."""
+    """Sum over the links between basins how clear and how walled they are, in parts of `PARTS` a link."""
+    height = np.rint(wall * PARTS).astype(np.int64)
     found: list[NDArray[np.int64]] = []
     for k in range(neighbours.shape[1]):
         a, b = everywhere, everywhere[neighbours[:, k]]
         meet = (neighbours[:, k] >= 0) & (a >= 0) & (b >= 0) & (a != b)
         pair = np.minimum(a, b)[meet].astype(np.int64) * n + np.maximum(a, b)[meet]
-        walled = (edge | edge[neighbours[:, k]] | ~level[:, k])[meet]
-        found.append(2 * pair + walled)
+        walled = np.where(level[:, k], np.maximum(height, height[neighbours[:, k]]), PARTS)[meet]
+        found.append((PARTS + 1) * pair + walled)
     contacts: list[dict[int, tuple[int, int]]] = [{} for _ in range(n)]
     for code, count in zip(*np.unique(np.concatenate(found), return_counts=True), strict=True):
-        a, b = divmod(int(code) // 2, n)
+        pair, part = divmod(int(code), PARTS + 1)
+        a, b = divmod(pair, n)
         clear, walled = contacts[a].get(b, (0, 0))
-        contacts[a][b] = contacts[b][a] = (clear, walled + int(count)) if code % 2 else (clear + int(count), walled)
+        contacts[a][b] = contacts[b][a] = (clear + (PARTS - part) * int(count), walled + part * int(count))
     return contacts
 
 

@@ -13,7 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from scan2nurbs.edges.crease import breaks
 from scan2nurbs.edges.detect import Edges
+from scan2nurbs.edges.operators import Lengths
 from scan2nurbs.errors import NoResultError, ParameterError
 from scan2nurbs.faces.basins import find_surfaces
 from scan2nurbs.kernels.moments import ball_planes
@@ -31,6 +33,8 @@ BORDER_OFFSET = 0.28
 LEAST_ENCLOSED = 0.1
 # A plane needs no B-spline surface: it is wanted only where nothing else of some size is there.
 PLANE_MERIT = 0.25
+# An edge point is some wall, however faint the bend.
+LEAST_WALL = 0.05
 # The band of edge points is about two spacings wide on either side of an edge; normals of one surface differ little in it.
 RIM_RINGS = 4
 RIM_COSINE = math.cos(math.radians(12.0))
@@ -142,13 +146,16 @@ def group_points(points: NDArray[np.float64], scale: Scale, edges: Edges, on_edg
     -----
     See `find_surfaces`. Edges closer together than their own bands (about 4 h) leave no surface between them.
     """
+    if len(points) < params.min_points:
+        raise NoResultError(f"The scan has only {len(points)} points; a functional surface needs at least {params.min_points}.")
     order = scale.cells.order
     sorted_points, edge = scale.cells.points, on_edge[order]
     neighbours, distance = nearest_neighbours(scale.cells, min(NEIGHBOURS, len(points) - 1))
     smooth = _smooth_links(sorted_points, edges.normal[order], neighbours, distance, scale)
     to_edge = _distance_to_edges(sorted_points, edge, FAR * scale.h)
     level = smooth & _same_normal(edges.normal[order], neighbours, edges.threshold)
-    labels = find_surfaces(neighbours, smooth, level, to_edge, edge, scale.h)
+    wall = _walls(edges, edge, order, scale)
+    labels = find_surfaces(neighbours, smooth, level, to_edge, wall, scale.h)
     size = np.bincount(labels[labels >= 0], minlength=1)
     labels[(labels >= 0) & (size < params.min_points)[labels]] = -1
     if labels.max(initial=-1) < 0:
@@ -160,10 +167,26 @@ def group_points(points: NDArray[np.float64], scale: Scale, edges: Edges, on_edg
     area = scale.local_h[order] ** 2
     labels, candidates = _ranked(labels, sorted_points, area, to_edge, edge, border, neighbours, scale)
     chosen = _choose(candidates, labels, sorted_points, params.seed)
-    rim = _continue(labels == chosen, edge, neighbours, smooth, edges.normal[order])
+    rim = _continue(labels == chosen, edge & (labels < 0), neighbours, smooth, edges.normal[order])
     label_of, rim_of, border_of = np.empty(len(order), np.int32), np.empty(len(order), bool), np.empty(len(order), bool)
     label_of[order], rim_of[order], border_of[order] = labels, rim, border
     return Region(inside=label_of == chosen, rim=rim_of, label=label_of, border=border_of, chosen=chosen, candidates=candidates)
+
+
+def _walls(edges: Edges, edge: NDArray[np.bool_], order: NDArray[np.int32], scale: Scale) -> NDArray[np.float64]:
+    """Tell how much each point parts surfaces: fully where the surface breaks, else the more, the more sharply it bends.
+
+    One-sided normals mark a crease of 25 degrees and a bend like a ridge's alike. A crease is a wall; a bend is one where it turns by
+    twice the threshold, and a weak one near the threshold, where also noise reaches. Other operators were chosen by the user.
+    """
+    wall = edge.astype(np.float64)
+    if any(name != "one-sided" for name, _ in edges.runs):
+        return wall
+    band = np.flatnonzero(edge)
+    bend = np.clip(edges.strength[order[band]] / edges.threshold - 1.0, LEAST_WALL, 1.0)
+    lengths = Lengths(spacing=scale.spacing, h=scale.h, noise=scale.noise)
+    wall[band] = np.where(breaks(scale.cells, scale.cells.points[band], lengths), 1.0, bend)
+    return wall
 
 
 def _smooth_links(
