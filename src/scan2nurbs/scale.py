@@ -18,6 +18,7 @@ from scan2nurbs.kernels.runner import Progress
 NEIGHBOUR = 12
 _SAMPLE = 4000
 _H_SAMPLE = 20_000
+_GUESS_SAMPLE = 4000
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,7 @@ def _stable_spacing(cells: Cells) -> float:
 def _guess_spacing(points: NDArray[np.float64]) -> float:
     """Guess h from a part of the points, as if they lay evenly on a surface; only the size of the cells depends on it."""
     n = len(points)
-    part = points[np.random.default_rng(0).choice(n, min(n, 20_000), replace=False)] if n > 20_000 else points
+    part = points if n <= _GUESS_SAMPLE else points[np.unique(np.random.default_rng(0).integers(0, n, _GUESS_SAMPLE))]
     k = min(4, len(part) - 1)
     distance = KDTree(part).query(part, k + 1)[0][:, k]
     return float(np.median(distance)) * math.sqrt(math.pi / k) * math.sqrt(len(part) / n)

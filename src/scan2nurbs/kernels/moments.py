@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scan2nurbs.kernels.cells import COLUMNS, Cells, bounds, gather
 from scan2nurbs.kernels.clusters import Sources, cluster
 from scan2nurbs.kernels.runner import Progress, kernel, run_ranges
-from scan2nurbs.kernels.symmetric3 import plane_of_moments
+from scan2nurbs.kernels.symmetric3 import normals_of_moments, plane_of_moments
 
 CELLS_PER_RANGE = 256
 WIDENING = 2.0**0.5
@@ -167,7 +167,7 @@ def _clear(out, i):
 def _fit_cell(cells, reach, step, centre, table, n, pending, n_pending, borders, out):
     """Fit the planes of one cell's pending points; return how many are still without one, moved to the front of `pending`."""
     sums, plane = np.empty(10), np.empty(11)
-    sector_sums, normals = np.empty(10), np.empty((len(borders), 3))
+    scratch, sectors, normals = np.empty(10), np.empty((10, len(borders))), np.empty((3, len(borders)))
     left, scale = 0, 1.0 / reach
     for waiting in range(n_pending):
         i = pending[waiting]
@@ -190,7 +190,7 @@ def _fit_cell(cells, reach, step, centre, table, n, pending, n_pending, borders,
             for k in range(3):
                 out.mean[i, k] = plane[6 + k] * reach
         if step == 0 and len(borders) > 0:
-            out.sector_angle[i] = _sector_angle(table, n, px, py, pz, borders, sums, plane, sector_sums, normals)
+            out.sector_angle[i] = _sector_angle(table, n, px, py, pz, borders, sums, plane, scratch, sectors, normals)
     return left
 
 
@@ -241,40 +241,39 @@ def _ball_of_clusters(x, y, z, n, px, py, pz, weight, cxx, cxy, cxz, cyy, cyz, c
 
 
 @kernel
-def _sector_angle(table, n, px, py, pz, borders, ball, plane, sums, normals):
+def _sector_angle(table, n, px, py, pz, borders, ball, plane, sums, sectors, normals):
     """Return the largest angle between the planes of two sectors (paper, Algorithm 1 and eq. 2.3), in degrees.
 
     `ball` are the sums of the ball that row 3 of the table marks, and lose what the sectors take; `plane` is its plane, which is
-    lost as well; `sums` and `normals` are scratch.
+    lost as well; `sums`, `sectors` and `normals` are scratch.
     """
     g = len(borders)
     if ball[9] < 5.0:
         return np.nan  # two sectors with a plane hold two points each besides p
     own = 1.0 if len(table) == POINT_ROWS else 0.0  # p is one of the points, but none of the clusters
     on_border = _mark_sectors(table, n, px, py, pz, borders, plane)
-    few, found = FEW * ball[9], 0
+    few = FEW * ball[9]
     for s in range(g):
         # What is left of the ball is the last sector, unless other points than p lie on borders or few digits would be left.
         if s == g - 1 and on_border == own and ball[9] - own >= few:
-            sums[:] = ball
-            sums[9] -= own
+            ball[9] -= own
+            sectors[:, s] = ball
         else:
             _sums(table, n, px, py, pz, s + 1, sums)
             for k in range(10):
                 ball[k] -= sums[k]
+                sectors[k, s] = sums[k]
         # The point itself belongs to each of its sectors; about itself it adds nothing to the sums but one to the count.
-        if plane_of_moments(sums[9] + 1.0, sums, plane):
-            for k in range(3):
-                normals[found, k] = plane[k]
-            found += 1
-    if found < 2:
-        return np.nan
-    least = 1.0
-    for s in range(found):
+        sectors[9, s] += 1.0
+    normals_of_moments(sectors, normals)
+    least = np.inf
+    for s in range(g):
         for t in range(s):
-            dot = normals[s, 0] * normals[t, 0] + normals[s, 1] * normals[t, 1] + normals[s, 2] * normals[t, 2]
-            least = min(least, abs(dot))
-    return np.degrees(np.arccos(least))
+            dot = normals[0, s] * normals[0, t] + normals[1, s] * normals[1, t] + normals[2, s] * normals[2, t]
+            least = abs(dot) if abs(dot) < least else least  # false for NaN
+    if least == np.inf:
+        return np.nan
+    return np.degrees(np.arccos(min(least, 1.0)))
 
 
 @kernel
