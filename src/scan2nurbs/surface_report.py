@@ -90,6 +90,7 @@ def _face(model: SurfaceModel) -> dict[str, Any]:
         "type": "bspline",
         "n_points": int(np.count_nonzero(fit.weights > 0)),
         "n_outliers": fit.n_outliers,
+        "n_uncovered": trim.n_uncovered,
         "rms": fit.rms,
         "p95": fit.p95,
         "max": fit.max,
@@ -133,11 +134,17 @@ def _warnings(model: SurfaceModel, params: SurfaceParams) -> list[str]:
     region, outline = model.region, model.trim.outline
     if region is not None and region.chosen != 0 and params.region.seed is None:
         warnings.append("A larger surface was found, but is a plane or less enclosed by edges; a seed point on it chooses it.")
+    if params.region.seed is not None:
+        away = float(np.linalg.norm(model.cloud.points - (np.asarray(params.region.seed) - model.cloud.origin), axis=1).min())
+        if away > 10.0 * model.scale.h:
+            warnings.append(f"The seed lies {away:.3g} {model.cloud.unit} from the nearest point of the scan.")
     if outline.n_left_out:
         parts = ", ".join(str(n) for n in outline.n_left_out[:5])
         warnings.append(
             f"The surface's points lie in {len(outline.n_left_out) + 1} pieces; those of {parts} points are not in the outline."
         )
+    if model.trim.n_uncovered > 0.002 * len(model.fitted):
+        warnings.append(f"The outline of the face leaves out {model.trim.n_uncovered:,} of the surface's points: look at its picture.")
     share = np.count_nonzero(model.fit.weights == 0) / len(model.fit.weights)
     if share > 0.05:
         warnings.append(f"{share:.0%} of the surface's points were taken for outliers.")

@@ -19,6 +19,8 @@ from scan2nurbs.surfaces.project import FootPoints, foot_points
 
 # How near, in h, a point must lie to a fitted one to be judged by the surface: the width of a band of edge points.
 REACH = 4.0
+# Points this far, in h, outside an outline are no scatter about it.
+UNCOVERED = 2.0
 
 
 @dataclass(frozen=True)
@@ -54,12 +56,15 @@ class Trim:
         Points of the cloud that belong to the face.
     outline : Outline
         The same loops, in lengths on the surface.
+    n_uncovered : int
+        Fitted points that lie outside the loops by more than 2 h: what the face misses.
     """
 
     surface: BSplineSurface
     loops: tuple[TrimLoop, ...]
     inside: NDArray[np.bool_]
     outline: Outline
+    n_uncovered: int
 
 
 def trim_region(
@@ -110,10 +115,46 @@ def trim_region(
     loops = tuple(TrimLoop(loop.points / lengths, not np.any(loop.shift), loop.corners) for loop in outline.loops)
     inside = np.zeros(len(points), bool)
     inside[fitted[used]] = True
-    inside |= _up_to(loops, points, inside, wide, tree, uv, 3.0 * max(scale.noise, fit.rms, 1e-3 * scale.h), REACH * scale.h)
+    period = fit.surface.domain[0][1] - fit.surface.domain[0][0] if fit.surface.closed[0] else None
+    inside |= _up_to(loops, points, inside, wide, tree, uv, 3.0 * max(scale.noise, fit.rms, 1e-3 * scale.h), REACH * scale.h, period)
+    missed = uv[~within(uv, loops, period)] * lengths
+    drawn = np.concatenate([loop.points for loop in outline.loops])
+    if period is not None:
+        turn = np.array([period * lengths[0], 0.0])
+        drawn = np.concatenate([drawn - turn, drawn, drawn + turn])
+    n_uncovered = int(np.count_nonzero(KDTree(drawn).query(missed, workers=thread_count())[0] > UNCOVERED * scale.h))
     every = np.concatenate([loop.uv for loop in loops])
     spare = 0.1 * scale.h / lengths
-    return Trim(extend(fit.surface, every.min(axis=0) - spare, every.max(axis=0) + spare), loops, inside, outline)
+    return Trim(extend(fit.surface, every.min(axis=0) - spare, every.max(axis=0) + spare), loops, inside, outline, n_uncovered)
+
+
+def within(uv: NDArray[np.float64], loops: tuple[TrimLoop, ...], period: float | None) -> NDArray[np.bool_]:
+    """Tell which (N, 2) parameters lie within loops: in an odd number of them.
+
+    On a tube, which repeats after a period of u, a loop around it encloses all that lies on one side of it.
+    """
+    result = np.zeros(len(uv), bool)
+    for loop in loops:
+        if period is None:
+            result ^= in_polygon(uv, loop.uv)
+            continue
+        # Unrolled as far as the copies of u in the loop's own period may lie.
+        first = loop.uv[:, 0].min()
+        u, v = first + np.mod(uv[:, 0] - first, period), uv[:, 1]
+        if loop.closed:
+            copies = [in_polygon(np.stack([u + turn * period, v], axis=1), loop.uv) for turn in (0, 1)]
+            result ^= copies[0] | copies[1]
+        else:
+            result ^= in_polygon(np.stack([v, u], axis=1), _one_side(loop, period, float(v.max(initial=0.0))))
+    return result
+
+
+def _one_side(loop: TrimLoop, period: float, high: float) -> NDArray[np.float64]:
+    """Close a loop around a tube over all v above it: a polygon of (v, u)."""
+    turn = period if loop.uv[-1, 0] > loop.uv[0, 0] else -period
+    line = np.concatenate([loop.uv + np.array([k * turn, 0.0]) for k in (-2, -1, 0, 1, 2)])[:, ::-1]
+    above = max(high, float(line[:, 0].max())) + 1.0
+    return np.concatenate([line, [[above, line[-1, 1]], [above, line[0, 1]]]])
 
 
 def _lengths(fit: SurfaceFit, uv: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -141,19 +182,13 @@ def _up_to(
     uv: NDArray[np.float64],
     height: float,
     reach: float,
+    period: float | None,
 ) -> NDArray[np.bool_]:
     """Find the points between the fitted ones and the outline that lie on the surface."""
     others = np.flatnonzero(~inside)
     feet, near = _stand(surface, tree, uv, points[others], reach)
     on = feet.distance <= height
-    others, at = others[near[on]], feet.uv[on]
-    within = np.zeros(len(at), bool)
-    if all(loop.closed for loop in loops):
-        for loop in loops:
-            within ^= in_polygon(at, loop.uv)
-    else:
-        # Around a tube there is no polygon to be in; what lies on the surface next to a fitted point belongs to it.
-        within[:] = True
+    others = others[near[on]]
     found = np.zeros(len(points), bool)
-    found[others[within]] = True
+    found[others[within(feet.uv[on], loops, period)]] = True
     return found
