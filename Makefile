@@ -31,6 +31,7 @@ lint: $(VENV)/.lint-stamp ## Check style, types and layers
 
 bench: $(VENV)/.test-stamp ## Measure accuracy and speed; with SCANS=FOLDER on the scans of a folder too
 	$(BIN)/python -m benchmarks.surface
+	$(BIN)/python -m benchmarks.speed
 	@[ -z "$(SCANS)" ] || $(BIN)/python -m benchmarks.scans "$(SCANS)"
 
 gallery: $(VENV)/.test-stamp ## Redo the paper's experiments and their pictures
