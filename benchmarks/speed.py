@@ -66,7 +66,7 @@ def exact_error(points: NDArray[np.float64], normals: NDArray[np.float64], radiu
         if values[2] ** 2 < 0.5 * values[1] ** 2 and np.linalg.norm(normals[i]) > 0.5:
             sine = np.linalg.norm(np.cross(axes[2], normals[i])) / np.linalg.norm(normals[i])
             angles.append(np.degrees(np.arcsin(min(sine, 1.0))))
-    return f"{np.quantile(angles, 0.99):.1e} / {np.max(angles):.1e}"
+    return f"{np.quantile(angles, 0.99):.1e} / {np.max(angles):.1e}" if angles else "no normals"
 
 
 def whole_clouds(sizes: list[int], repeats: int) -> list[str]:
