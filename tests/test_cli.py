@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scan2nurbs.cli.failures import Interrupted, exit_code, sentence
+from scan2nurbs.cli.failures import Interrupted, exit_code, interruptible, sentence
 from scan2nurbs.cli.main import COMMANDS, main
 from scan2nurbs.errors import InputError, NoResultError, OutputError, ParameterError
 from scan2nurbs.io import read_scan
@@ -301,6 +301,15 @@ main()
             assert process.wait(30) == code
             assert b"Interrupted" in process.stderr.read()
         assert list(folder.iterdir()) == []
+
+    @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+    def test_a_library_that_calls_the_interruption_a_failure_of_its_own_changes_nothing(self):
+        with pytest.raises(Interrupted) as stopped, interruptible():
+            try:
+                signal.raise_signal(signal.SIGINT)
+            except BaseException as error:
+                raise ImportError("initialization failed") from error
+        assert stopped.value.code == 130
 
     def test_a_computation_stops_between_ranges(self, scan, tmp_path, capsys, monkeypatch):
         from scan2nurbs.cli.progress import Bars

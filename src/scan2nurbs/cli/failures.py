@@ -26,7 +26,7 @@ class Interrupted(BaseException):
 
     def __init__(self, code: int) -> None:
         self.code = code
-        super().__init__("Interrupted; nothing was written.")
+        super().__init__("Interrupted; no file was left half-written.")
 
 
 @contextmanager
@@ -36,7 +36,10 @@ def interruptible() -> Iterator[None]:
         yield
         return
 
+    caught: list[int] = []
+
     def stop(number: int, _frame: FrameType | None) -> None:
+        caught.append(number)
         # A second Ctrl-C ends a computation that does not look up, at the price of what it would have cleaned.
         signal.signal(signal.SIGINT, signal.default_int_handler)
         raise Interrupted(128 + number)
@@ -44,6 +47,11 @@ def interruptible() -> Iterator[None]:
     before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         yield
+    except Exception as error:
+        # A library that was stopped in the middle of its import says that the import failed.
+        if caught:
+            raise Interrupted(128 + caught[0]) from error
+        raise
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
