@@ -304,11 +304,15 @@ main()
 
     @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
     def test_a_library_that_calls_the_interruption_a_failure_of_its_own_changes_nothing(self):
-        with pytest.raises(Interrupted) as stopped, interruptible():
+        @interruptible()
+        def import_a_library():
             try:
                 signal.raise_signal(signal.SIGINT)
             except BaseException as error:
                 raise ImportError("initialization failed") from error
+
+        with pytest.raises(Interrupted) as stopped:
+            import_a_library()
         assert stopped.value.code == 130
 
     def test_a_computation_stops_between_ranges(self, scan, tmp_path, capsys, monkeypatch):
