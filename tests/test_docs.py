@@ -46,6 +46,12 @@ def test_links_between_pages_lead_somewhere(page):
         assert (page.parent / link).exists(), link
 
 
+def test_the_readme_says_what_the_measurement_says():
+    said = re.search(r"\d+ of \d+ rows", (ROOT / "README.md").read_text(encoding="utf-8"))
+    measured = re.search(r"\d+ of \d+ rows", (ROOT / "docs" / "surface-truth.md").read_text(encoding="utf-8"))
+    assert said and measured and said[0] == measured[0]
+
+
 def test_every_option_is_documented():
     text = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
     for name in COMMANDS:
