@@ -201,6 +201,24 @@ def test_results_do_not_depend_on_the_number_of_threads():
     assert results[0] == results[1] == results[2]
 
 
+@given(clouds, st.floats(1.0, 4.0), st.sampled_from([0.0, 0.05, 0.5]))
+def test_one_sided_planes_take_the_flattest_ball_that_fits(points, factor, noise):
+    radius = factor * np.ptp(points, axis=0).max() / np.sqrt(len(points))
+    noise *= radius
+    cells = build_cells(points, 1.5 * radius)
+    balls = ball_planes(cells, radius)
+    chosen = one_sided_planes(cells, balls, radius, noise)
+    for i in range(0, len(points), 7):
+        distance = np.linalg.norm(cells.points - cells.points[i], axis=1)
+        near = np.flatnonzero((distance < radius) & np.isfinite(balls.variance))
+        if len(near) == 0 or np.any(np.abs(distance - radius) < 1e-5 * radius):
+            continue
+        height = np.einsum("ij,ij->i", balls.normal[near], cells.points[i] - cells.points[near] - balls.mean[near])
+        cost = balls.variance[near] + np.maximum(height**2 - (2 * noise) ** 2, 0.0)
+        assert chosen[i] in near
+        assert cost[near == chosen[i]][0] <= cost.min() + 1e-5 * radius**2
+
+
 def test_one_sided_planes_do_not_blur_across_an_edge():
     rng = np.random.default_rng(5)
     xy = rng.random((8000, 2)) * [100.0, 80.0]
