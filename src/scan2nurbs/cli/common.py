@@ -83,7 +83,9 @@ def messages(common: Common) -> Iterator[None]:
     ours, warned = logging.getLogger("scan2nurbs"), logging.getLogger("py.warnings")
     before = ours.level
     ours.setLevel(level)
-    warned.setLevel(logging.DEBUG if common.debug else logging.CRITICAL)  # for those who develop, not for those who scan
+    # For those who develop, not for those who scan: warnings of Python, and where matplotlib would rather keep its fonts.
+    for logger in (warned, logging.getLogger("matplotlib")):
+        logger.setLevel(logging.DEBUG if common.debug else logging.CRITICAL)
     for logger in (ours, warned):
         logger.addHandler(handler)
     logging.captureWarnings(True)
