@@ -147,7 +147,13 @@ def main(arguments: list[str] | None = None) -> None:
     normals, seconds = radius_normals(options.crop, options.peers)
     draw(seconds, ROOT / "docs/images/speed/normals.png")
     clouds = whole_clouds(options.sizes, options.repeats)
-    text = ["# Speed", "", f"Made by `python -m benchmarks.speed`; normals on a crop of {options.crop:,} points of a random cloud.", ""]
+    text = [
+        "# Speed",
+        "",
+        f"Made by `python -m benchmarks.speed`; normals on a crop of {options.crop:,} points of a random cloud.",
+        "small_gicp knows no radius and takes as many neighbours; point-cloud-utils centres on the query point.",
+        "",
+    ]
     text += ["## Normals at a radius", "", *normals, "", "![Seconds over the radius](images/speed/normals.png)", ""]
     text += ["## EDN, from an unsorted array to the strengths", "", *clouds, ""]
     (ROOT / "docs/speed.md").write_text("\n".join(text), encoding="utf-8")
