@@ -30,9 +30,12 @@ lint: $(VENV)/.lint-stamp ## Check style, types and layers
 	$(BIN)/lint-imports
 
 bench: $(VENV)/.test-stamp ## Measure accuracy and speed; with SCANS=FOLDER on the scans of a folder too
-	$(BIN)/python -m benchmarks.surface
-	$(BIN)/python -m benchmarks.speed
-	@[ -z "$(SCANS)" ] || $(BIN)/python -m benchmarks.scans "$(SCANS)"
+	@# All of them, whatever one says; then fail if one did, as that of surfaces does when a row misses what is wanted.
+	@failed=0; \
+	$(BIN)/python -m benchmarks.surface || failed=1; \
+	$(BIN)/python -m benchmarks.speed || failed=1; \
+	[ -z "$(SCANS)" ] || $(BIN)/python -m benchmarks.scans "$(SCANS)" || failed=1; \
+	exit $$failed
 
 gallery: $(VENV)/.test-stamp ## Redo the paper's experiments and their pictures
 	$(BIN)/python -m examples.paper
