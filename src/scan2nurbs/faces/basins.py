@@ -117,7 +117,9 @@ def _contacts(
         a, b = everywhere, everywhere[neighbours[:, k]]
         meet = (neighbours[:, k] >= 0) & (a >= 0) & (b >= 0) & (a != b)
         pair = np.minimum(a, b)[meet].astype(np.int64) * n + np.maximum(a, b)[meet]
-        walled = np.where(level[:, k], np.maximum(height, height[neighbours[:, k]]), PARTS)[meet]
+        walled = np.maximum(height, height[neighbours[:, k]])
+        # A step between points of which none is on an edge is a wall that no edge point saw.
+        walled = np.where(level[:, k] | (walled > 0), walled, PARTS)[meet]
         found.append((PARTS + 1) * pair + walled)
     contacts: list[dict[int, tuple[int, int]]] = [{} for _ in range(n)]
     for code, count in zip(*np.unique(np.concatenate(found), return_counts=True), strict=True):
