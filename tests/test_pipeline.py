@@ -173,6 +173,28 @@ def test_what_is_no_surface_ends_in_a_clear_error(points, error):
         reconstruct_surface(points)
 
 
+def test_what_cannot_be_unrolled_is_parted_at_its_bends(monkeypatch):
+    from scan2nurbs import pipeline
+    from test_region import ridge
+
+    sizes: list[int] = []
+
+    def choosy(points, *arguments, **options):
+        sizes.append(len(points))
+        if len(sizes) == 1:
+            raise s2n.NoResultError("Every map tried folds over.")
+        return fit_surface(points, *arguments, **options)
+
+    fit_surface = pipeline.fit_surface
+    monkeypatch.setattr(pipeline, "fit_surface", choosy)
+    model = reconstruct_surface(ridge())
+    assert sizes[1] < 0.7 * sizes[0]
+    assert pipeline.PARTED in model.report["warnings"]
+    sizes.clear()
+    with pytest.raises(s2n.NoResultError, match="folds over"):  # nothing to part
+        reconstruct_surface(dome(0.1, n=5000)[0])
+
+
 def test_an_unknown_grouping_is_refused():
     with pytest.raises(s2n.ParameterError, match="grouping"):
         SurfaceParams(grouping="flood")

@@ -130,3 +130,24 @@ def test_no_surface_is_an_answer_with_a_reason():
 def test_parameters_out_of_range_are_refused(params):
     with pytest.raises(ParameterError, match=next(iter(params))):
         RegionParams(**params)
+
+
+def ridge(noise: float = 0.1) -> np.ndarray:
+    """Two slopes that run into each other over a rounding of ten spacings."""
+    rng = np.random.default_rng(7)
+    along, around = rng.random(12_000) * 100.0, (rng.random(12_000) - 0.5) * 120.0
+    turn = np.clip(around / 10.0, -np.pi / 4, np.pi / 4)
+    flat = around - turn * 10.0
+    points = np.c_[along, 10.0 * np.sin(turn) + flat * np.cos(turn), 10.0 * (np.cos(turn) - 1) - flat * np.sin(turn)]
+    return points + noise * rng.normal(size=points.shape)
+
+
+def test_a_bend_parts_a_surface_only_where_that_is_asked_for():
+    cloud = as_cloud(ridge())
+    scale = measure_scale(cloud.points)
+    edges = detect(cloud.points, scale, EdgeParams(operator="one-sided"))
+    assert edges.mask.mean() > 0.03
+    whole = group_points(cloud.points, scale, edges, edges.mask, RegionParams())
+    assert whole.inside.mean() > 0.95
+    parted = group_points(cloud.points, scale, edges, edges.mask, RegionParams(bends_part=True))
+    assert parted.inside.mean() < 0.6

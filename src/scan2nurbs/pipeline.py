@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,8 @@ from scan2nurbs.surfaces.fit import FitParams, SurfaceFit, fit_surface
 
 StageProgress = Callable[[str, int, int], None]
 """Called with the stage's name, how much of it is done, and how much there is."""
+
+PARTED = "The surface between the edges could not be unrolled as a whole; the part of it between its bends was taken."
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,10 +86,10 @@ class SurfaceModel:
         The boundary of the surface, thinned and as curves.
     region : Region or None
         The surfaces between the edges; None where Algorithm 3 grouped the points.
-    fit : SurfaceFit
-        The surface, fitted to ``cloud.points[fitted]``.
     fitted : (K,) int64
         The points that were fitted.
+    fit : SurfaceFit
+        The surface, fitted to ``cloud.points[fitted]``.
     inside : (N,) bool
         Points of the face.
     trim : Trim
@@ -104,8 +106,8 @@ class SurfaceModel:
     band: EdgeBand
     boundary: Boundary
     region: Region | None
-    fit: SurfaceFit
     fitted: NDArray[np.int64]
+    fit: SurfaceFit
     inside: NDArray[np.bool_]
     trim: Trim
     face: TrimmedFace
@@ -167,24 +169,12 @@ def reconstruct_surface(
         edges = detect(cloud.points, scale, params.edges, stage("finding edges"))
     with watch("boundary"):
         band = clean_edges(cloud, scale, edges, params.boundary)
-    if params.grouping == "basins":
-        with watch("inside"):
-            region = group_points(cloud.points, scale, edges, band.on_edge, _in_local_frame(params.region, cloud))
-            fitted = np.flatnonzero(region.inside | region.rim)
-        with watch("boundary"):
-            boundary = draw_boundary(cloud, scale, _beside(band.on_edge, cloud, fitted, scale), params.boundary)
-    else:
-        with watch("boundary"):
-            boundary = draw_boundary(cloud, scale, band.on_edge, params.boundary)
-        with watch("inside"):
-            region, fitted = None, _enclosed(cloud, band, boundary)
-    with watch("fit"):
-        fit = fit_surface(cloud.points[fitted], _with_noise(params.fit, scale), progress=stage("fitting"))
+    inside, fit = _fit(cloud, scale, edges, band, params, watch, stage("fitting"))
     with watch("trim"):
-        trim = trim_region(cloud.points, scale, fitted, fit, boundary.points)
+        trim = trim_region(cloud.points, scale, inside.fitted, fit, inside.boundary.points)
         loops = [Loop(loop.uv, loop.closed) for loop in trim.loops]
         face = trimmed_face(trim.surface, loops, tolerance=max(0.5 * scale.h, 2.0 * scale.noise))
-    model = SurfaceModel(cloud, scale, edges, band, boundary, region, fit, fitted, trim.inside, trim, face, {})
+    model = SurfaceModel(cloud, scale, edges, band, *inside, fit, trim.inside, trim, face, {})
     return replace(model, report=surface_report(model, params, watch.seconds))
 
 
@@ -196,6 +186,52 @@ def _require_surface(scale: Scale) -> None:
             f"The neighbours of {share:.0%} of the points form a line: these points lie on curves, as the vertices of a CAD mesh do, "
             "and not all over a surface. Scan or sample the surface between them (`scan2nurbs simulate` does so from a STEP file)."
         )
+
+
+class _Inside(NamedTuple):
+    """What is to be fitted: the boundary, the surfaces between the edges, and the points of the chosen one."""
+
+    boundary: Boundary
+    region: Region | None
+    fitted: NDArray[np.int64]
+
+
+def _fit(
+    cloud: PointCloud, scale: Scale, edges: Edges, band: EdgeBand, params: SurfaceParams, watch: Stopwatch, progress: Progress | None
+) -> tuple[_Inside, SurfaceFit]:
+    """Fit a surface to what the edges enclose; where no map without folds is found for it, to what the bends enclose as well."""
+    wanted = _in_local_frame(params.region, cloud)
+    fit_params = _with_noise(params.fit, scale)
+    inside = _group(cloud, scale, edges, band, params, wanted, watch)
+    try:
+        with watch("fit"):
+            return inside, fit_surface(cloud.points[inside.fitted], fit_params, progress=progress)
+    except NoResultError:
+        if inside.region is None or wanted.bends_part:
+            raise
+        finer = _group(cloud, scale, edges, band, params, replace(wanted, bends_part=True), watch)
+        if len(finer.fitted) >= len(inside.fitted):
+            raise
+    with watch("fit"):
+        fit = fit_surface(cloud.points[finer.fitted], fit_params, progress=progress)
+    return finer, replace(fit, notes=(*fit.notes, PARTED))
+
+
+def _group(
+    cloud: PointCloud, scale: Scale, edges: Edges, band: EdgeBand, params: SurfaceParams, wanted: RegionParams, watch: Stopwatch
+) -> _Inside:
+    """Tell inside from outside, and draw the boundary."""
+    if params.grouping == "basins":
+        with watch("inside"):
+            region = group_points(cloud.points, scale, edges, band.on_edge, wanted)
+            fitted = np.flatnonzero(region.inside | region.rim)
+        with watch("boundary"):
+            boundary = draw_boundary(cloud, scale, _beside(band.on_edge, cloud, fitted, scale), params.boundary)
+        return _Inside(boundary, region, fitted)
+    with watch("boundary"):
+        boundary = draw_boundary(cloud, scale, band.on_edge, params.boundary)
+    with watch("inside"):
+        return _Inside(boundary, None, _enclosed(cloud, band, boundary))
 
 
 def _in_local_frame(region: RegionParams, cloud: PointCloud) -> RegionParams:

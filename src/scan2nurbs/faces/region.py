@@ -52,10 +52,13 @@ class RegionParams:
         the ground around it.
     min_points : int
         Smaller surfaces are left ungrouped, [3, inf).
+    bends_part : bool
+        Whether every edge point parts surfaces; by default creases and sharp bends do.
     """
 
     seed: tuple[float, float, float] | None = None
     min_points: int = 30
+    bends_part: bool = False
 
     def __post_init__(self) -> None:
         """Check every range."""
@@ -154,7 +157,7 @@ def group_points(points: NDArray[np.float64], scale: Scale, edges: Edges, on_edg
     smooth = _smooth_links(sorted_points, edges.normal[order], neighbours, distance, scale)
     to_edge = _distance_to_edges(sorted_points, edge, FAR * scale.h)
     level = smooth & _same_normal(edges.normal[order], neighbours, edges.threshold)
-    wall = _walls(edges, edge, order, scale)
+    wall = edge.astype(np.float64) if params.bends_part else _walls(edges, edge, order, scale)
     labels = find_surfaces(neighbours, smooth, level, to_edge, wall, scale.h)
     size = np.bincount(labels[labels >= 0], minlength=1)
     labels[(labels >= 0) & (size < params.min_points)[labels]] = -1
