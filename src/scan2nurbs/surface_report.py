@@ -148,9 +148,9 @@ def _warnings(model: SurfaceModel, params: SurfaceParams) -> list[str]:
     share = np.count_nonzero(model.fit.weights == 0) / len(model.fit.weights)
     if share > 0.05:
         warnings.append(f"{share:.0%} of the surface's points were taken for outliers.")
-    if model.fit.rms > 2.0 * max(model.scale.noise, 1e-3 * model.scale.h):
-        ratio = model.fit.rms / max(model.scale.noise, 1e-3 * model.scale.h)
-        warnings.append(
-            f"The surface misses its points by {ratio:.1f} times the scan's noise: a smaller tolerance allows more control points."
-        )
+    # A scan without noise is not fitted better than the tolerance asks for.
+    floor = max(model.scale.noise, model.fit.tolerance)
+    if model.fit.rms > 2.0 * floor:
+        ratio = model.fit.rms / floor
+        warnings.append(f"The surface misses its points by {ratio:.1f} times the scan's noise or tolerance, whichever is larger.")
     return warnings
