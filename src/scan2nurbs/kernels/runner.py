@@ -11,6 +11,7 @@ import os
 import tempfile
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -81,11 +82,14 @@ def run_ranges(work: Callable[[int, int], None], n: int, *, size: int, progress:
         pool.shutdown(wait=True, cancel_futures=True)
 
 
+@cache
 def _cache_is_writable() -> bool:
     """Tell whether Numba finds a place for its cache; where it does not, caching would raise at import."""
     if os.environ.get("NUMBA_CACHE_DIR"):
         return True
-    for folder in (Path(__file__).parent, Path.home() / ".cache"):
+    home = Path(os.path.expanduser("~"))
+    # In a new home Numba makes the folder itself.
+    for folder in (Path(__file__).parent, home / ".cache" if (home / ".cache").exists() else home):
         try:
             with tempfile.TemporaryFile(dir=folder):
                 return True
