@@ -1,0 +1,90 @@
+"""What every surface of a face can do, whatever its shape."""
+
+from __future__ import annotations
+
+from typing import ClassVar, Literal, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Floats = NDArray[np.float64]
+Kind = Literal["plane", "cylinder", "cone", "sphere", "torus", "extrusion", "revolution", "bspline"]
+KINDS: tuple[Kind, ...] = ("plane", "cylinder", "cone", "sphere", "torus", "extrusion", "revolution", "bspline")
+
+
+@runtime_checkable
+class Shape(Protocol):
+    """An unbounded surface: a signed distance field and the number of parameters that it takes to say where it lies.
+
+    Attributes
+    ----------
+    kind : str
+        One of `KINDS`.
+    freedom : int
+        Independent parameters of the surface.
+
+    Notes
+    -----
+    The distance is that to the nearest point of the surface, so the foot of a point p is p − d(p)·n(p), with n the gradient of d.
+    """
+
+    kind: ClassVar[Kind]
+
+    @property
+    def freedom(self) -> int:
+        """Independent parameters."""
+        ...
+
+    def distance(self, points: Floats) -> Floats:
+        """Return the signed distances (N,) of points (N, 3), in the points' unit."""
+        ...
+
+    def normal(self, points: Floats) -> Floats:
+        """Return the unit gradients (N, 3) of the distance at points (N, 3): the surface's normals at their feet."""
+        ...
+
+    def foot(self, points: Floats) -> Floats:
+        """Return the nearest points (N, 3) of the surface."""
+        ...
+
+
+class Analytic:
+    """Base of the shapes whose distance has a formula."""
+
+    def distance(self, points: Floats) -> Floats:
+        """Return the signed distances (N,) of points (N, 3)."""
+        raise NotImplementedError
+
+    def normal(self, points: Floats) -> Floats:
+        """Return the unit gradients (N, 3) of the distance."""
+        raise NotImplementedError
+
+    def foot(self, points: Floats) -> Floats:
+        """Return the nearest points (N, 3) of the surface."""
+        return points - self.distance(points)[:, None] * self.normal(points)
+
+
+def unit(vector: ArrayLike) -> Floats:
+    """Return a vector, or each row of an array, divided by its length; zero vectors stay zero."""
+    v = np.asarray(vector, np.float64)
+    length = np.linalg.norm(v, axis=-1, keepdims=True)
+    return np.divide(v, length, out=np.zeros_like(v), where=length > 0)
+
+
+def perpendicular(axis: Floats) -> tuple[Floats, Floats]:
+    """Return two unit vectors that make a right-handed frame with a unit vector: x × y = axis."""
+    least = np.zeros(3)
+    least[np.argmin(np.abs(axis))] = 1.0
+    x = unit(np.cross(least, axis))
+    return x, np.cross(axis, x)
+
+
+def split(points: Floats, origin: Floats, axis: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return heights (N,) along an axis, distances (N,) from it and unit directions (N, 3) away from it; any direction on the axis."""
+    offset = points - origin
+    height = offset @ axis
+    radial = offset - height[:, None] * axis
+    distance = np.linalg.norm(radial, axis=1)
+    x, _ = perpendicular(axis)
+    away = np.where(distance[:, None] > 0, radial / np.maximum(distance, 1e-300)[:, None], x)
+    return height, distance, away
