@@ -136,3 +136,40 @@ def refit_all(points, normals, neighbours, order, starts, depth, kinds, sigma, m
             index[:] = order[a:b]
         refit(points, normals, neighbours, index, n, deepest, stamp, mark, kinds, sigma, models[label])
         values[label] = criterion(models[label], points, order[a:b], b - a, sigma)
+
+
+@kernel
+def unite_pairs(points, normals, neighbours, order, starts, pairs, seeds, kinds, sigma, models, values, gains, united):
+    """Fit both regions of each pair as one, and tell how much the criteria of the two exceed that of the one."""
+    stamp = np.zeros(len(points), np.int32)
+    for p in range(len(pairs)):
+        i, j = pairs[p, 0], pairs[p, 1]
+        a, b, c, d = starts[i], starts[i + 1], starts[j], starts[j + 1]
+        n = b - a + d - c
+        index = np.empty(n, np.int32)
+        index[: b - a] = order[a:b]
+        index[b - a :] = order[c:d]
+        mark = 2 * p + 2
+        for k in range(n):
+            stamp[index[k]] = mark
+        gains[p] = -np.inf
+        best = np.inf
+        m = models[i].copy()
+        before = values[i] + values[j]
+        # Whatever one surface explains, one of the two models nearly does: unless both are small, try no new kinds.
+        for start in (i, j):
+            m[:] = models[start]
+            if not kinds[int(m[0])]:
+                continue
+            refine(m, points, index, n, sigma, 6)
+            value = criterion(m, points, index, n, sigma)
+            if value < best:
+                best = value
+                united[p] = m
+        if best < before + 3.0 * n or n < 400:
+            m[:] = models[i]
+            value = refit(points, normals, neighbours, index, n, seeds[p], stamp, mark, kinds, sigma, m)
+            if value < best:
+                best = value
+                united[p] = m
+        gains[p] = before - best
