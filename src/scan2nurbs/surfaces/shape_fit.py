@@ -11,11 +11,13 @@ from numpy.typing import ArrayLike
 from scan2nurbs.errors import NoResultError, ParameterError
 from scan2nurbs.surfaces.shape import KINDS, Floats, Kind, Shape
 from scan2nurbs.surfaces.shape_parameters import COLUMNS, Primitive, from_pose, pose, recentred, uncertainty
-from scan2nurbs.surfaces.shape_solve import TUKEY, Solution, distances, minimise
+from scan2nurbs.surfaces.shape_solve import TUKEY, Solution, accumulate, distances, improve
 from scan2nurbs.surfaces.shape_start import starting_values
 
 _SAMPLE = 600
 _TRIED = 3
+# A fit has settled when a step would lower χ² by no more: steps of a few hundredths of a standard deviation are left.
+_SETTLED = 1e-3
 
 
 @dataclass(frozen=True)
@@ -176,18 +178,19 @@ def _solve(kind: Kind, points: Floats, sigma: float, normals: Floats | None, sta
             d = np.abs(distances(start, sample))
             scored.append((float(np.mean(np.minimum(d, 3.0 * np.median(d) + TUKEY * sigma))), start))
         scored.sort(key=lambda pair: pair[0])
-        tries = [minimise(s, sample, light, _cut(s, sample, sigma, 6.0), 12) for _, s in scored[:_TRIED]]
-        costs = [float(np.mean(np.minimum(np.abs(distances(t.shape, sample)), TUKEY * sigma))) for t in tries]
-        starts = [tries[int(np.argmin(costs))].shape]
-    shape = starts[0]
-    solution = minimise(shape, points, weights, _cut(shape, points, sigma, 9.0), 20)
-    for _ in range(3):
-        shape = recentred(solution.shape, middle)
-        cut = _cut(shape, points, sigma, TUKEY)
-        solution = minimise(shape, points, weights, cut, 30)
-        if cut <= 1.001 * TUKEY * sigma:
+        tries = [improve(s, sample, light, _cut(s, sample, sigma, 6.0), 12, 0.1 * sigma**2) for _, s in scored[:_TRIED]]
+        costs = [float(np.mean(np.minimum(np.abs(distances(t, sample)), TUKEY * sigma))) for t in tries]
+        starts = [tries[int(np.argmin(costs))]]
+    # The sample takes the fit to where a few steps over all points end it.
+    shape = recentred(improve(starts[0], sample, light, _cut(starts[0], sample, sigma, 9.0), 20, 0.1 * sigma**2), middle)
+    least = _SETTLED * sigma**2
+    cut = np.inf
+    for _ in range(4):
+        before, cut = cut, _cut(shape, points, sigma, TUKEY)
+        if cut > 0.999 * before:
             break
-    return solution
+        shape = recentred(improve(shape, points, weights, cut, 30, least), middle)
+    return accumulate(shape, points, weights, min(cut, before))
 
 
 def _cut(shape: Primitive, points: Floats, sigma: float, factor: float) -> float:
