@@ -9,7 +9,8 @@ shifts along x, y and z, tilts of z towards x and towards y, and two of its own 
     sphere    a the radius
     torus     z the axis, a the major radius, b the minor one
 
-Moving a distance field rigidly changes it by −n·(t + ω × (p − o)), whatever the shape: the columns of shifts and tilts need its normal only.
+Moving a distance field rigidly changes it by −n·(t + ω × (p − o)), whatever
+the shape: the columns of shifts and tilts need its normal only.
 """
 
 from __future__ import annotations
