@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from scan2nurbs.errors import NoResultError, ParameterError
 from scan2nurbs.surfaces.shape import KINDS, Floats, Kind, Shape
 from scan2nurbs.surfaces.shape_parameters import COLUMNS, Primitive, from_pose, pose, recentred, uncertainty
-from scan2nurbs.surfaces.shape_solve import TUKEY, Solution, distances, minimise
+from scan2nurbs.surfaces.shape_solve import TUKEY, Solution, accumulate, distances, improve
 from scan2nurbs.surfaces.shape_start import starting_values
+from scan2nurbs.surfaces.torus_start import tube_torus
 
 _SAMPLE = 600
-_TRIED = 3
+# Mean absolute distance, in standard deviations, under which a start is good enough: 0.8 is that of Gaussian noise.
+_EXPLAINED = 0.9
+# A fit has settled when a step would lower χ² by no more: steps of a few hundredths of a standard deviation are left.
+_SETTLED = 1e-3
 
 
 @dataclass(frozen=True)
@@ -92,8 +96,8 @@ def fit_shape(
         raise NoResultError(f"The points coincide; they do not determine a {kind}.")
     local = np.ascontiguousarray((points - middle) / extent)
     sigma = max(noise / extent, 1e-9)
-    starts = [_scaled(start, -middle, 1.0 / extent)] if start is not None else None  # type: ignore[arg-type]
-    solution = _solve(kind, local, sigma, normals, starts, weights)
+    begin = _scaled(start, -middle, 1.0 / extent) if start is not None else None  # type: ignore[arg-type]
+    solution = _solve(kind, local, sigma, normals, begin, weights)
     _require_determined(solution, local, sigma)
     shape = solution.shape
     size = np.ones(freedom)
@@ -160,34 +164,39 @@ def _scaled(shape: Primitive, before: Floats, factor: float, after: Floats | Non
     return from_pose(shape.kind, frame, a * factor, b if shape.kind == "cone" else b * factor)
 
 
-def _solve(kind: Kind, points: Floats, sigma: float, normals: Floats | None, starts: list[Primitive] | None, weights: Floats) -> Solution:
-    """Try starts on a sample, anneal the best."""
-    stride = -(-len(points) // _SAMPLE)
-    sample, light = np.ascontiguousarray(points[::stride]), np.ascontiguousarray(weights[::stride])
-    if starts is None:
-        starts = starting_values(kind, sample, None if normals is None else normals[::stride])
-    if not starts:
-        raise NoResultError(f"The points suggest no {kind} to start from.")
+def _solve(kind: Kind, points: Floats, sigma: float, normals: Floats | None, start: Primitive | None, weights: Floats) -> Solution:
+    """Start from a sample, then anneal Tukey's cut over all points."""
+    sample = np.arange(0, len(points), -(-len(points) // _SAMPLE))
+    few, light = np.ascontiguousarray(points[sample]), np.ascontiguousarray(weights[sample])
     middle = np.zeros(3)
-    starts = [recentred(s, middle) for s in starts]
-    if len(starts) > 1:
-        scored = []
-        for start in starts:
-            d = np.abs(distances(start, sample))
-            scored.append((float(np.mean(np.minimum(d, 3.0 * np.median(d) + TUKEY * sigma))), start))
-        scored.sort(key=lambda pair: pair[0])
-        tries = [minimise(s, sample, light, _cut(s, sample, sigma, 6.0), 12) for _, s in scored[:_TRIED]]
-        costs = [float(np.mean(np.minimum(np.abs(distances(t.shape, sample)), TUKEY * sigma))) for t in tries]
-        starts = [tries[int(np.argmin(costs))].shape]
-    shape = starts[0]
-    solution = minimise(shape, points, weights, _cut(shape, points, sigma, 9.0), 20)
-    for _ in range(3):
-        shape = recentred(solution.shape, middle)
-        cut = _cut(shape, points, sigma, TUKEY)
-        solution = minimise(shape, points, weights, cut, 30)
-        if cut <= 1.001 * TUKEY * sigma:
+    shape, best = start, np.inf
+    for k, group in enumerate([] if start is not None else _starts(kind, points, sample, normals, sigma)):
+        for begin in group:
+            near = recentred(begin, middle)
+            tried = improve(near, few, light, _cut(near, few, sigma, 9.0), 15, 0.1 * sigma**2)
+            cost = float(light @ np.minimum(np.abs(distances(tried, few)) / sigma, TUKEY)) / max(light.sum(), 1e-300)
+            if cost < best:
+                best, shape = cost, tried
+        # Narrow pieces of a torus look like many a shape.
+        if best < _EXPLAINED and (kind != "torus" or k > 0):
             break
-    return solution
+    if shape is None:
+        raise NoResultError(f"The points suggest no {kind} to start from.")
+    shape = recentred(improve(shape, few, light, _cut(shape, few, sigma, 9.0), 20, 0.1 * sigma**2), middle)
+    cut = np.inf
+    for _ in range(4):
+        # The sample took the fit to where a few steps over all points end it.
+        before, cut = cut, _cut(shape, points, sigma, TUKEY)
+        if cut > 0.999 * before:
+            break
+        shape = recentred(improve(shape, points, weights, cut, 30, _SETTLED * sigma**2), middle)
+    return accumulate(shape, points, weights, min(cut, before))
+
+
+def _starts(kind: Kind, points: Floats, sample: NDArray[np.int64], normals: Floats | None, sigma: float) -> Iterator[Sequence[Primitive]]:
+    yield from starting_values(kind, points, sample, normals)
+    if kind == "torus":
+        yield [t for t in (tube_torus(points, sigma, share) for share in (0.1, 0.03)) if t is not None]
 
 
 def _cut(shape: Primitive, points: Floats, sigma: float, factor: float) -> float:

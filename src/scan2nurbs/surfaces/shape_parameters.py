@@ -103,7 +103,7 @@ def recentred(shape: Primitive, point: Floats) -> Primitive:
 
 
 def uncertainty(shape: Shape, covariance: Floats | None) -> dict[str, float]:
-    """Return standard deviations by name: lengths in the points' unit (`radius`, `major`, `minor`, `offset`, `position`), angles in degrees.
+    """Return standard deviations by name, lengths in the points' unit and angles in degrees.
 
     `position` is that of the axis at its point or of the centre, `axis` (or `direction`) the larger tilt, `half_angle` the cone's.
     """

@@ -5,7 +5,11 @@ Points must be of the order of one (centred and scaled by their extent); so are 
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+
 import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigh
 from scipy.spatial import KDTree
 
 from scan2nurbs.surfaces.cone import Cone
@@ -17,46 +21,51 @@ from scan2nurbs.surfaces.sphere import Sphere
 from scan2nurbs.surfaces.torus import Torus
 
 _NEIGHBOURS = 24
+_FARTHEST = 1e6
 
 
-def starting_values(kind: Kind, points: Floats, normals: Floats | None) -> list[Primitive]:
-    """Return primitives to start a fit from, in no order of worth.
+def starting_values(kind: Kind, points: Floats, sample: NDArray[np.int64], normals: Floats | None) -> Iterator[list[Primitive]]:
+    """Yield groups of primitives to start a fit from, those of the cheapest ideas first.
 
     Parameters
     ----------
     kind : str
     points : (N, 3) float64
+    sample : (M,) int64
+        Numbers of the points to look at.
     normals : (N, 3) float64, optional
         Unit normals of either sign; estimated from the points where missing.
     """
+    few = points[sample]
     if kind == "plane":
-        return [_plane(points)]
-    given = own_normals(points) if normals is None else normals
-    good = np.isfinite(given).all(axis=1)
-    on, n = points[good], given[good]
-    starts: list[Primitive | None] = []
-    if kind == "sphere":
-        starts += [_sphere_algebraic(points), *([_sphere_of_lines(on, n)] if len(on) > 4 else [])]
-    bend = _principal(points)
-    if len(on) > 4:
-        axes = _axes(kind, on, n)
-        starts += [_about_axis(kind, points, on, n, *axis) for axis in axes]
-    starts += _of_curvature(kind, *bend)
-    return [s for s in starts if s is not None and _sane(s)]
+        yield [_plane(few)]
+        return
+    yield _sane([*of_curvature(kind, *principal(few)), _sphere_algebraic(few) if kind == "sphere" else None])
+    n = own_normals(points, sample) if normals is None else normals[sample]
+    good = np.isfinite(n).all(axis=1)
+    on, n = few[good], n[good]
+    if len(on) > 5:
+        about = [_about_axis(kind, few, on, n, *axis) for axis in _axes(kind, on, n)]
+        yield _sane([*about, _sphere_of_lines(on, n) if kind == "sphere" else None])
 
 
-def own_normals(points: Floats, neighbours: int = _NEIGHBOURS) -> Floats:
-    """Return the normals (N, 3) of least-squares planes through each point's nearest neighbours."""
+def own_normals(points: Floats, at: NDArray[np.int64] | None = None, neighbours: int = _NEIGHBOURS) -> Floats:
+    """Return the normals (M, 3) of least-squares planes through the nearest neighbours of points (of those numbered `at`)."""
     k = min(neighbours, max(len(points) // 3, 4), len(points))
-    _, index = KDTree(points).query(points, k=k)
+    _, index = KDTree(points).query(points if at is None else points[at], k=k)
     near = points[index]
     near = near - near.mean(axis=1, keepdims=True)
     return np.linalg.eigh(np.einsum("nki,nkj->nij", near, near))[1][:, :, 0]
 
 
-def _sane(shape: Primitive) -> bool:
-    numbers = [np.ravel(v) for v in vars(shape).values()]
-    return bool(np.isfinite(np.concatenate(numbers)).all() and max(np.abs(v).max() for v in numbers) < 1e6)
+def _sane(shapes: Sequence[Primitive | None]) -> list[Primitive]:
+    kept = []
+    for shape in shapes:
+        if shape is not None:
+            numbers = np.concatenate([np.ravel(v) for v in vars(shape).values()])
+            if np.isfinite(numbers).all() and np.abs(numbers).max() < _FARTHEST:
+                kept.append(shape)
+    return kept
 
 
 def _plane(points: Floats) -> Plane:
@@ -164,34 +173,33 @@ def _about_axis(kind: Kind, points: Floats, on: Floats, normals: Floats, origin:
     return Torus(origin + solution[1] * axis, axis, float(solution[0]), float(np.sqrt(square)))
 
 
-def _principal(points: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return the vertex (3,) of the patch as a quadric over its plane, its frame (3, 3; rows, normal last) and curvatures (2,), the larger last.
+def principal(points: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return the vertex (3,) of the patch as a quadric over its plane, its frame (3, 3) and its curvatures (2,), the larger last.
 
-    The curvatures are positive where the surface bends towards the normal.
+    Rows of the frame are the directions of the curvatures and the normal. Curvatures are positive where the surface bends towards the normal.
     """
     plane = _plane(points)
     x, y = perpendicular(plane.direction)
     offset = points - plane.point
     u, v, w = offset @ x, offset @ y, offset @ plane.direction
     system = np.c_[0.5 * u * u, u * v, 0.5 * v * v, u, v, np.ones_like(u)]
-    weight = np.ones_like(u)
-    for _ in range(2):
-        a, b, c, gx, gy, z = np.linalg.lstsq(system * weight[:, None], w * weight, rcond=None)[0]
-        off = np.abs(w - system @ np.array([a, b, c, gx, gy, z]))
-        weight = 1.0 / (1.0 + (off / (3.0 * np.median(off) + 1e-12)) ** 2)
+    solution = np.linalg.lstsq(system, w, rcond=None)[0]
+    off = np.abs(w - system @ solution)
+    weight = 1.0 / (1.0 + (off / (3.0 * np.median(off) + 1e-12)) ** 2)
+    a, b, c, gx, gy, z = np.linalg.lstsq(system * weight[:, None], w * weight, rcond=None)[0]
     normal = unit(plane.direction - gx * x - gy * y)
     tall = np.sqrt(1.0 + gx * gx + gy * gy)
     first = np.array([[1 + gx * gx, gx * gy], [gx * gy, 1 + gy * gy]])
     second = np.array([[a, b], [b, c]]) / tall
-    values, vectors = np.linalg.eig(np.linalg.solve(first, second))
-    order = np.argsort(np.abs(values.real))
-    values, vectors = values.real[order], vectors.real[:, order]
+    values, vectors = eigh(second, first)
+    order = np.argsort(np.abs(values))
+    values, vectors = values[order], vectors[:, order]
     bend = unit(vectors[0, 1] * (x + gx * plane.direction) + vectors[1, 1] * (y + gy * plane.direction))
     along = np.cross(normal, bend)
     return plane.point + z * plane.direction, np.stack([along, bend, normal]), values
 
 
-def _of_curvature(kind: Kind, vertex: Floats, frame: Floats, bends: Floats) -> list[Primitive | None]:
+def of_curvature(kind: Kind, vertex: Floats, frame: Floats, bends: Floats) -> list[Primitive | None]:
     """Return primitives with the patch's normal and curvatures in the middle of it."""
     along, across, normal = frame
     k_small, k_large = (float(k) if abs(k) > 1e-3 else (1e-3 if k >= 0 else -1e-3) for k in bends)
