@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,7 +62,9 @@ def draw(mesh: Closed, traced: Traced, points: Floats, region: NDArray[np.int32]
     lines = []
     for half, ends in zip(traced.borders, traced.ends, strict=True):
         middle = np.nanmean(np.stack([every[start[half]], every[end[half]]]), axis=0)
-        lines.append(np.concatenate([middle, middle[:1]]) if ends[0] < 0 else np.concatenate([vertices[ends[:1]], middle, vertices[ends[1:]]]))
+        lines.append(
+            np.concatenate([middle, middle[:1]]) if ends[0] < 0 else np.concatenate([vertices[ends[:1]], middle, vertices[ends[1:]]])
+        )
     return Drawn(vertices, draw_lines(lines, traced, shapes, h), [tuple(int(f) for f in row) for row in meeting])
 
 
@@ -95,7 +98,7 @@ def draw_lines(lines: list[Floats], traced: Traced, shapes: Sequence[Shape], h: 
         far = np.linalg.norm(moved - flat, axis=1) > FAR * h
         moved[far] = amid[far]
         moved[fixed] = flat[fixed]
-        lines = [moved[a:b] for a, b in zip(start[:-1], start[1:], strict=True)]
+        lines = [moved[a:b] for a, b in pairwise(start)]
         for line, c in zip(lines, closed, strict=True):
             if c:
                 line[-1] = line[0]

@@ -13,7 +13,7 @@ from scan2nurbs.faces.place import measure
 from scan2nurbs.faces.trace import Traced
 from scan2nurbs.surfaces.shape import Floats, Shape
 
-SHORT = 1.5
+SHORT = 4.0
 """Length, in h, of a border that may vanish."""
 GAP = 0.25
 """Farthest, in h, that the one vertex may lie from the surfaces of all faces that meet there."""
@@ -37,7 +37,7 @@ def merge_vertices(traced: Traced, drawn: Drawn, shapes: Sequence[Shape], h: flo
     no better than `GAP`.
     """
     ends = traced.ends.copy()
-    loops: list[list[Loop]] = [list(l) for l in traced.loops]
+    loops: list[list[Loop]] = [list(some) for some in traced.loops]
     vertices, lines = drawn.vertices.copy(), list(drawn.lines)
     faces = [set(f) for f in drawn.faces]
     gone = np.zeros(len(ends), bool)
@@ -91,7 +91,7 @@ def _one_place(place: Floats, faces: set[int], shapes: Sequence[Shape], h: float
 
 
 def _without(traced, drawn, ends, loops, vertices, lines, faces, gone):  # type: ignore[no-untyped-def]
-    """Number borders and vertices anew without those that are gone."""
+    """Renumber borders and vertices without those that are gone."""
     number = np.where(gone, -1, np.cumsum(~gone) - 1)
     used = np.zeros(len(vertices), bool)
     kept = ends[~gone]
@@ -108,5 +108,9 @@ def _without(traced, drawn, ends, loops, vertices, lines, faces, gone):  # type:
         corners=traced.corners[used],
         loops=tuple(tuple(tuple((int(number[b]), way) for b, way in loop) for loop in group) for group in loops),
     )
-    places = Drawn(vertices[used], [x for x, g in zip(lines, gone, strict=True) if not g], [tuple(sorted(f)) for f, k in zip(faces, used, strict=True) if k])
+    places = Drawn(
+        vertices[used],
+        [x for x, g in zip(lines, gone, strict=True) if not g],
+        [tuple(sorted(f)) for f, k in zip(faces, used, strict=True) if k],
+    )
     return new, places

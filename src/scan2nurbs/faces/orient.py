@@ -9,12 +9,12 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components, mini
 
 from scan2nurbs.surfaces.shape import Floats
 
-DIRECTIONS = 200
+DIRECTIONS = 64
 """Directions in which a body is asked for its farthest point."""
 
 
 def find_patches(label: NDArray[np.int32], neighbours: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Number the connected patches of points of one label over the graph (N, k) of near points: (N,) int32."""
+    """Find the connected patches of points of one label over the graph (N, k) of near points; return that of each point, (N,) int32."""
     n, k = neighbours.shape
     i, j = np.repeat(np.arange(n), k), neighbours.ravel()
     same = (j >= 0) & (label[i] == label[j])
@@ -22,7 +22,9 @@ def find_patches(label: NDArray[np.int32], neighbours: NDArray[np.int32]) -> NDA
     return connected_components(graph, directed=False)[1].astype(np.int32)
 
 
-def outward_signs(points: Floats, normals: Floats, patch: NDArray[np.int32], neighbours: NDArray[np.int32], reach: Floats) -> NDArray[np.int8]:
+def outward_signs(
+    points: Floats, normals: Floats, patch: NDArray[np.int32], neighbours: NDArray[np.int32], reach: Floats
+) -> NDArray[np.int8]:
     """Find the sign of each patch's normals that makes all of them point out of the body.
 
     Parameters

@@ -15,7 +15,9 @@ STEP = 1.5
 """Farthest move of one step, in h."""
 
 
-def pull(points: Floats, faces: NDArray[np.int32], shapes: Sequence[Shape], h: float, *, steps: int = 4, crossing: float = CROSSING) -> Floats:
+def pull(
+    points: Floats, faces: NDArray[np.int32], shapes: Sequence[Shape], h: float, *, steps: int = 4, crossing: float = CROSSING
+) -> Floats:
     """Move each place onto all surfaces that meet there.
 
     Parameters

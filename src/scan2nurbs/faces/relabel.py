@@ -115,7 +115,7 @@ def settle_labels(
     Iterated conditional modes of a Potts model (Besag 1986). Points without a label take one where its surface is near.
     """
     label = label.copy()
-    n, k = neighbours.shape
+    n = len(points)
     exists = neighbours >= 0
     for turn in range(2 * ROUNDS):
         near = np.where(exists, label[neighbours], -1)

@@ -161,7 +161,7 @@ def is_covered(sheet: Sheet, points: Floats, spacing: Floats, cells: Cells, reac
 
 
 def components(sheet: Sheet) -> tuple[int, NDArray[np.int32]]:
-    """Number the connected pieces of a sheet; return how many there are and that of each triangle (M,)."""
+    """Count the connected pieces of a sheet; return how many there are and that of each triangle (M,)."""
     half = np.flatnonzero(sheet.twin >= 0)
     m = len(sheet.triangles)
     graph = coo_matrix((np.ones(len(half), np.int8), (half // 3, sheet.twin[half] // 3)), shape=(m, m))

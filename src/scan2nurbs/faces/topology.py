@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from scan2nurbs.errors import NoResultError, ParameterError
 from scan2nurbs.faces.complex import Border, LabelledMesh, Loop, Topology
-from scan2nurbs.faces.draw import Drawn, draw
+from scan2nurbs.faces.double import part_double_edges
+from scan2nurbs.faces.draw import draw
 from scan2nurbs.faces.merge import merge_vertices
 from scan2nurbs.faces.orient import find_patches, outward_signs
 from scan2nurbs.faces.regions import find_regions
@@ -138,7 +139,7 @@ def _trim(sheet: Sheet, points: Floats, samples: Samples, scale: Scale, params: 
 
 
 def _read(sheet: Sheet, points: Floats, sign: NDArray[np.int8], samples: Samples, shapes: list[Shape], notes: list[str]) -> Topology:
-    place = points[sheet.source]
+    sheet, place = part_double_edges(sheet, points[sheet.source])
     region, source = find_regions(sheet, samples.label[sheet.source])
     mesh = cap_holes(sheet)
     traced = trace(mesh, region)
@@ -164,7 +165,7 @@ def _read(sheet: Sheet, points: Floats, sign: NDArray[np.int8], samples: Samples
 def _bodies(
     sheet: Sheet, points: Floats, region: NDArray[np.int32], sides: NDArray[np.int32], n: int
 ) -> tuple[NDArray[np.int32], tuple[bool, ...]]:
-    """Number the connected bodies by falling area."""
+    """Count off the connected bodies by falling area."""
     count, piece = components(sheet)
     area = np.bincount(piece, triangle_areas(points, sheet.triangles), minlength=count)
     rank = np.empty(count, np.int32)

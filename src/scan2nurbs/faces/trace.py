@@ -155,7 +155,7 @@ def _loops(sides, first, last, twin, turn, ends, n_regions):  # type: ignore[no-
                     break
                 at = starts[int(turn[stops[at]])]
             loops[region].append(tuple(loop))
-    return tuple(tuple(l) for l in loops)
+    return tuple(tuple(some) for some in loops)
 
 
 def genera(mesh: Closed, region: NDArray[np.int32], n_loops: NDArray[np.int64]) -> NDArray[np.int32]:

@@ -13,7 +13,11 @@ _RANGE = 1 << 12
 
 
 def tuck_in(
-    points: NDArray[np.float64], normals: NDArray[np.float64], label: NDArray[np.int32], neighbours: NDArray[np.int32], reach: NDArray[np.float64]
+    points: NDArray[np.float64],
+    normals: NDArray[np.float64],
+    label: NDArray[np.int32],
+    neighbours: NDArray[np.int32],
+    reach: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     """Move the points that stick out beyond another face's surface to where the two cross.
 
