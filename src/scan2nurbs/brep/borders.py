@@ -21,7 +21,8 @@ MODES = ("middle", "contact", "crossing")
 _MOST = 400
 _SIMPLE = (0.1, 0.03, 2e-3)
 _STRAY = (0.02, 0.02, 2e-3)
-_PRIOR, _GUIDE, _CONTACT = 0.02, 0.05, 0.3
+_PRIOR = (0.02, 0.3, 1.0)
+_GUIDE, _CONTACT = 0.05, 0.3
 _DRIFT = 3.0
 _KEEP_END = 0.1
 _AIM = 0.94
@@ -67,9 +68,12 @@ class _Guide:
     along: Floats
     mode: int
     spacing: float
+    caution: int
 
 
-def lay_borders(borders: Sequence[Any], vertices: Floats, shapes: Sequence[Shape], h: float) -> tuple[list[BorderCurve], Floats]:
+def lay_borders(
+    borders: Sequence[Any], vertices: Floats, shapes: Sequence[Shape], h: float, caution: Sequence[int] | None = None
+) -> tuple[list[BorderCurve], Floats]:
     """Lay a curve along every border, and the vertices where the surfaces and the curves that meet there agree.
 
     Parameters
@@ -81,6 +85,8 @@ def lay_borders(borders: Sequence[Any], vertices: Floats, shapes: Sequence[Shape
         Of the faces.
     h : float
         Spacing of the cloud.
+    caution : sequence of int, optional
+        How closely each border's own points are followed, whatever the surfaces say: 0 not at all, 1 by a fair curve, 2 by all of them.
 
     Returns
     -------
@@ -88,29 +94,30 @@ def lay_borders(borders: Sequence[Any], vertices: Floats, shapes: Sequence[Shape
         One a border.
     vertices : (V, 3) float64
     """
-    guides = [_guide(border, shapes, h) for border in borders]
+    caution = caution or [0] * len(borders)
+    guides = [_guide(border, shapes, h, care) for border, care in zip(borders, caution, strict=True)]
     placed = _place_vertices(borders, guides, vertices, shapes, h)
     return [_lay(border, guide, placed, h) for border, guide in zip(borders, guides, strict=True)], placed
 
 
-def _guide(border: Any, shapes: Sequence[Shape], h: float) -> _Guide:
+def _guide(border: Any, shapes: Sequence[Shape], h: float, caution: int) -> _Guide:
     closed = border.vertices[0] < 0
     meeting = Meeting(tuple(shapes[f] for f in border.faces if f >= 0), h)
     points = _even(_smoothed(np.asarray(border.points, np.float64), closed), h)
     along = _directions(points, closed)
-    drawn, how = meeting.draw(points, along)
+    drawn, how = meeting.draw(points, along) if not caution else (points, np.zeros(len(points), np.int8))
     inner = how if closed or len(how) < 4 else how[1:-1]
     counts = np.bincount(inner, minlength=3)
     mode = int(np.argmax(counts + np.array([0.0, 0.1, 0.2])))
     if mode == 0:
-        drawn = meeting.middle(_faired(points, closed, h))
+        drawn = meeting.middle(_faired(points, closed, h) if caution < 2 else points)
     kept = np.ones(len(drawn), bool)
     if mode > 0:
         kept = how >= mode
         kept[[0, -1]] |= not closed
     drawn = _ordered(drawn[kept], along[kept], closed, h)
     spacing = float(np.median(np.linalg.norm(np.diff(drawn, axis=0), axis=1))) if len(drawn) > 1 else h
-    return _Guide(meeting, drawn, _directions(drawn, closed), mode, spacing)
+    return _Guide(meeting, drawn, _directions(drawn, closed), mode, spacing, caution)
 
 
 def _smoothed(points: Floats, closed: bool) -> Floats:
@@ -185,14 +192,15 @@ def _place_vertices(borders: Sequence[Any], guides: Sequence[_Guide], vertices: 
     for v, meet in enumerate(ends):
         around = sorted({f for k, _ in meet for f in borders[k].faces if f >= 0})
         if around:
-            placed[v] = _vertex(placed[v], [shapes[f] for f in around], [guides[k] for k, _ in meet if guides[k].mode < 2], h)
+            prior = _PRIOR[max(guides[k].caution for k, _ in meet)]
+            placed[v] = _vertex(placed[v], [shapes[f] for f in around], [guides[k] for k, _ in meet if guides[k].mode < 2], h, prior)
     return placed
 
 
-def _vertex(start: Floats, shapes: list[Shape], guides: list[_Guide], h: float) -> Floats:
+def _vertex(start: Floats, shapes: list[Shape], guides: list[_Guide], h: float, prior: float) -> Floats:
     at = start.copy()
     for _ in range(12):
-        rows, right = [_PRIOR * np.eye(3)], [_PRIOR * (start - at)]
+        rows, right = [prior * np.eye(3)], [prior * (start - at)]
         for shape in shapes:
             rows.append(shape.normal(at[None]))
             right.append(-shape.distance(at[None]))
@@ -216,7 +224,7 @@ def _lay(border: Any, guide: _Guide, vertices: Floats, h: float) -> BorderCurve:
     points = guide.points
     if not closed:
         points = _between(guide, *(_end(guide, vertices[v], h) for v in border.vertices))
-    curve = simple_curve(points, closed, _SIMPLE[guide.mode] * h, _KEEP_END * h)
+    curve = simple_curve(points, closed, _SIMPLE[guide.mode] * h, _KEEP_END * h) if guide.caution < 2 else None
     if curve is None:
         curve = lay_curve(_thinned(points, 2.0 * h), closed=closed, tolerance=_STRAY[guide.mode] * h, draw=_drawing(guide))
     samples = curve(curve.samples(64))
