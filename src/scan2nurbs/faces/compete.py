@@ -139,9 +139,7 @@ def depths(label: NDArray[np.int32], neighbours: NDArray[np.int32], most: int = 
     return depth
 
 
-def fit_regions(
-    sheet: Sheet, label: NDArray[np.int32], models: NDArray[np.float64], kinds: NDArray[np.bool_]
-) -> NDArray[np.float64]:
+def fit_regions(sheet: Sheet, label: NDArray[np.int32], models: NDArray[np.float64], kinds: NDArray[np.bool_]) -> NDArray[np.float64]:
     """Refit all models to their points in place, changing kinds where that pays; return their criteria (M,)."""
     order, starts = grouped(label, len(models))
     values = np.empty(len(models))

@@ -11,10 +11,13 @@ from scan2nurbs.kernels.runner import kernel
 from scan2nurbs.kernels.starts import curvatures
 
 POINTS = 40
+FEWER = 24
 TURN = 0.8
 
 
-def bends(points: NDArray[np.float64], normals: NDArray[np.float64], neighbours: NDArray[np.int32]) -> NDArray[np.float64]:
+def bends(
+    points: NDArray[np.float64], normals: NDArray[np.float64], neighbours: NDArray[np.int32]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Measure both principal curvatures at every point from its nearest points along the surface.
 
     Parameters
@@ -26,16 +29,18 @@ def bends(points: NDArray[np.float64], normals: NDArray[np.float64], neighbours:
 
     Returns
     -------
-    (N, 2) float64
+    curvature : (N, 2) float64
         Principal curvatures in 1/h with the larger magnitude first and >= 0; NaN where too few points are connected.
+    smooth : (N, 3) float64
+        Normals of the quadrics, of fewer points: where the surface curves they do not lean to the flatter side, as one-sided ones do.
     """
-    out = np.full((len(points), 2), np.nan)
-    _bends(points, normals, neighbours, out)
-    return out
+    curvature, smooth = np.full((len(points), 2), np.nan), normals.copy()
+    _bends(points, normals, neighbours, curvature, smooth)
+    return curvature, smooth
 
 
 @kernel
-def _bends(points, normals, neighbours, out):
+def _bends(points, normals, neighbours, out, smooth):
     stamp = np.zeros(len(points), np.int32)
     queue = np.empty(POINTS, np.int32)
     frame, bend = np.zeros(SIZE), np.empty(14)
@@ -46,6 +51,9 @@ def _bends(points, normals, neighbours, out):
         curvatures(points, queue, n, frame, bend)
         sign = 1.0 if bend[0] >= 0.0 else -1.0
         out[i, 0], out[i, 1] = sign * bend[0], sign * bend[1]
+        curvatures(points, queue, min(n, FEWER), frame, bend)
+        for k in range(3):
+            smooth[i, k] = bend[8 + k]
 
 
 def unevenness(curvature: NDArray[np.float64], neighbours: NDArray[np.int32]) -> NDArray[np.float64]:

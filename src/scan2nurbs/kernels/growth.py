@@ -48,7 +48,7 @@ def neighbourhood(neighbours, normals, seed, most, cosine, stamp, mark, queue):
     queue[0] = seed
     stamp[seed] = mark
     n, head = 1, 0
-    while head < n and n < most:
+    while head < n < most:
         i = queue[head]
         head += 1
         for k in range(neighbours.shape[1]):
@@ -77,7 +77,7 @@ def flood(m, points, normals, neighbours, start, n_start, tolerance, most, stamp
             queue[n] = i
             n += 1
     head = 0
-    while head < n and n < most:
+    while head < n < most:
         i = queue[head]
         head += 1
         for k in range(neighbours.shape[1]):
@@ -138,7 +138,7 @@ def gain_of(m, points, normals, region, n, sigma, tilt):
 
 
 @kernel
-def propose(points, normals, neighbours, seeds, sigma, tilt, least, models, best, own, candidates, offers):
+def propose(points, normals, neighbours, seeds, kinds, sigma, tilt, least, models, best, own, candidates, offers):
     """Grow models from the seeds that no earlier model explains.
 
     Parameters
@@ -148,6 +148,8 @@ def propose(points, normals, neighbours, seeds, sigma, tilt, least, models, best
     neighbours : (N, k) int32
     seeds : (S,) int32
         In the order in which they are tried.
+    kinds : (6,) bool
+        Kinds that may be grown.
     sigma, tilt : float
         Noise across the surface, in h, and of the normals, as a sine.
     least : int
@@ -186,7 +188,24 @@ def propose(points, normals, neighbours, seeds, sigma, tilt, least, models, best
             if n_first < 0.7 * _SCALES[scale] or _known(points, models, own, first, n_first, sigma):
                 continue
             n, gain, mark = _grow_best(
-                points, normals, neighbours, first, n_first, sigma, tilt, m, stamp, mark, queue, region, scale, chosen, kept, n_kept, top
+                points,
+                normals,
+                neighbours,
+                kinds,
+                first,
+                n_first,
+                sigma,
+                tilt,
+                m,
+                stamp,
+                mark,
+                queue,
+                region,
+                scale,
+                chosen,
+                kept,
+                n_kept,
+                top,
             )
             if n > 0:
                 n_kept, top = n, gain
@@ -277,7 +296,7 @@ def _known(points, models, own, first, n, sigma):
 
 @kernel
 def _grow_best(
-    points, normals, neighbours, first, n_first, sigma, tilt, m, stamp, mark, queue, region, scale, chosen, kept, n_kept, top
+    points, normals, neighbours, kinds, first, n_first, sigma, tilt, m, stamp, mark, queue, region, scale, chosen, kept, n_kept, top
 ):
     """Grow every kind from one neighbourhood, the simple ones first, and keep the best; return its size, gain, and the last mark."""
     bend = np.empty(14)
@@ -288,6 +307,8 @@ def _grow_best(
     for kind in (PLANE, CYLINDER, SPHERE, CONE, TORUS, PATCH):
         if settled or (kind == PATCH and n_kept > 600):
             break
+        if not kinds[kind]:
+            continue
         square = best_start(kind, bend, points, first, n_first, sigma, m)
         if not square < noise * (1.0 + 3.5 * np.sqrt(2.0 / n_first)):
             continue

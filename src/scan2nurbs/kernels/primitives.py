@@ -12,6 +12,7 @@ from scan2nurbs.kernels.runner import kernel
 
 PLANE, CYLINDER, CONE, SPHERE, TORUS, PATCH = range(6)
 FREEDOM = (3, 5, 6, 4, 7, 10)
+KIND_NAMES = ("plane", "cylinder", "cone", "sphere", "torus", "bspline")
 SIZE = 24
 _RIDGE = 1e-8
 

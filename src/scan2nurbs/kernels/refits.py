@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from scan2nurbs.kernels.growth import DISTANCE_CAP, neighbourhood
+from scan2nurbs.kernels.growth import DISTANCE_CAP
 from scan2nurbs.kernels.primitives import CONE, CYLINDER, FREEDOM, PATCH, PLANE, SIZE, SPHERE, TORUS, distance_of, refine
 from scan2nurbs.kernels.runner import kernel
 from scan2nurbs.kernels.starts import best_start, curvatures
@@ -96,7 +96,7 @@ def _start_points(neighbours, seed, stamp, mark, first):
     first[0] = seed
     n, head = 1, 0
     stamp[seed] = mark - 1
-    while head < n and n < len(first):
+    while head < n < len(first):
         i = first[head]
         head += 1
         for k in range(neighbours.shape[1]):
