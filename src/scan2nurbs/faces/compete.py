@@ -11,13 +11,14 @@ from scipy.sparse.csgraph import connected_components
 
 from scan2nurbs.kernels.growth import NONE_COST, NOTICEABLE
 from scan2nurbs.kernels.labelling import candidate_costs, choose_labels, nearby_labels
+from scan2nurbs.kernels.offers import fill_candidates, offer_models
 from scan2nurbs.kernels.primitives import FREEDOM
 from scan2nurbs.kernels.refits import refit_all
 from scan2nurbs.kernels.runner import kernel
 
 CANDIDATES = 8
-LINK_COST = 0.4
-ACROSS_CREASE = 0.25
+LINK_COST = 0.2
+ACROSS_CREASE = 0.5
 MODEL_COST = 12.0
 
 
@@ -108,6 +109,17 @@ def nearby(sheet: Sheet, label: NDArray[np.int32], rings: int) -> NDArray[np.int
     out = np.full((len(label), CANDIDATES), -1, np.int32)
     nearby_labels(label, 0.0, sheet.neighbours, rings, out)
     return out
+
+
+def offered(sheet: Sheet, label: NDArray[np.int32], models: NDArray[np.float64], rings: int) -> NDArray[np.int32]:
+    """Return the models that may explain each point (N, K): those it connects to along points that follow them, and those nearby."""
+    order, starts = grouped(label, len(models))
+    candidates, offers = np.empty((len(label), CANDIDATES), np.int32), np.empty((len(label), CANDIDATES))
+    offer_models(
+        sheet.points, sheet.normals, sheet.neighbours, order, starts, models, sheet.sigma, sheet.tilt, candidates, offers
+    )
+    fill_candidates(candidates, nearby(sheet, label, rings))
+    return candidates
 
 
 def split_pieces(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from scan2nurbs.faces.compete import CANDIDATES, Sheet, fit_regions, label_points, nearby, select, split_pieces
+from scan2nurbs.faces.compete import CANDIDATES, Sheet, fit_regions, label_points, offered, select, split_pieces
 from scan2nurbs.faces.unite import unite
 from scan2nurbs.kernels.bends import unevenness
 from scan2nurbs.kernels.growth import NONE_COST, propose
@@ -16,7 +16,7 @@ from scan2nurbs.kernels.runner import Progress
 MOST_MODELS = 6000
 ROUNDS = 5
 LEAST_SEED = 15
-RINGS = 3
+RINGS = 2
 
 
 def find_primitives(
@@ -68,7 +68,7 @@ def find_primitives(
         label, models = unite(sheet, label, models, values, refits)
         if step == ROUNDS - 1:
             break
-        candidates = nearby(sheet, label, RINGS)
+        candidates = offered(sheet, label, models, RINGS)
         if progress is not None:
             progress(step + 1, ROUNDS)
     return label, models
