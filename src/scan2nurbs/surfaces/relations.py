@@ -1,4 +1,4 @@
-"""Impose the relations between the surfaces of a part that hold within their uncertainty: parallel, perpendicular, coaxial, tangent …"""
+"""Impose the relations between the surfaces of a part that hold within their uncertainty."""
 
 from __future__ import annotations
 
@@ -127,8 +127,7 @@ def impose_relations(
 
     Notes
     -----
-    A relation that raises the rms of a face by more than `max_rise`, or that pulls at it harder than its uncertainty allows, is dropped, and
-    all others are solved for again. Time grows with faces and relations, hardly with points. Deterministic.
+    A relation that raises the rms of a face by more than `max_rise`, significantly, is dropped, and all others are solved for again. Time grows with faces and relations, hardly with points. Deterministic.
     """
     params = params or RelationParams()
     part = _Part.make(points, label, fits, noise, h)
