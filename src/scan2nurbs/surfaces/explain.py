@@ -47,12 +47,13 @@ class Residuals(NamedTuple):
         return self.chance > 0.01 and self.off <= 0.05
 
 
-def study(points: Floats, residuals: Floats, noise: float) -> Residuals:
+def study(feet: Floats, residuals: Floats, noise: float) -> Residuals:
     """Take residuals apart in a smooth part and noise.
 
     Parameters
     ----------
-    points : (N, 3) float64
+    feet : (N, 3) float64
+        Feet of the points on the surface: the points themselves would tell their own distances.
     residuals : (N,) float64
         Signed distances of the points.
     noise : float
@@ -60,11 +61,11 @@ def study(points: Floats, residuals: Floats, noise: float) -> Residuals:
 
     Notes
     -----
-    The smooth part is the larger of two: the projection onto polynomials of degree three in space, which sees what bends over the whole face,
-    and the means of blocks of some 25 points, which see what is local (sums of squares, χ² with as many degrees of freedom for noise).
+    The smooth part is the larger of two: the projection onto polynomials of degree three in space, which sees what bends over the whole
+    face, and the means of blocks of some 25 points, which see what is local. For noise, their sums of squares over its variance are χ².
     """
-    stride = -(-len(points) // _SAMPLE)
-    p, d = points[::stride], residuals[::stride]
+    stride = -(-len(feet) // _SAMPLE)
+    p, d = feet[::stride], residuals[::stride]
     on = np.abs(d) <= 5.0 * noise
     off = 1.0 - float(np.mean(on))
     p, d = p[on], d[on]
@@ -83,7 +84,6 @@ def _polynomials(points: Floats, d: Floats) -> tuple[float, int]:
     offset = points - points.mean(axis=0)
     axes = np.linalg.eigh(offset.T @ offset)[1]
     x = offset @ axes
-    # Thickness is noise, not a coordinate: a patch that is thin stays so when scaled.
     x = x / np.abs(x).max()
     powers = [x[:, 0] ** i * x[:, 1] ** j * x[:, 2] ** k for i in range(4) for j in range(4) for k in range(4) if i + j + k <= _DEGREE]
     if len(d) < 3 * len(powers):

@@ -127,7 +127,8 @@ def impose_relations(
 
     Notes
     -----
-    A relation that raises the rms of a face by more than `max_rise`, significantly, is dropped, and all others are solved for again. Time grows with faces and relations, hardly with points. Deterministic.
+    A relation that raises the rms of a face by more than `max_rise`, significantly, is dropped, and all others are solved
+    for again. Time grows with faces and relations, hardly with points. Deterministic.
     """
     params = params or RelationParams()
     part = _Part.make(points, label, fits, noise, h)

@@ -115,7 +115,7 @@ def _try(kind: Kind, points: Floats, noise: float, normals: Floats | None) -> tu
     except (NoResultError, InputError):
         return None
     extent = float(np.ptp(points, axis=0).max())
-    return fit, study(points, fit.shape.distance(points), max(noise, 1e-9 * extent))
+    return fit, study(fit.shape.foot(points), fit.shape.distance(points), max(noise, 1e-9 * extent))
 
 
 def _judge(fit: ShapeFit, points: Floats, weights: Floats, sigma: float) -> ShapeFit:
