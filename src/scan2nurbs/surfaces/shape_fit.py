@@ -15,7 +15,9 @@ from scan2nurbs.surfaces.primitive_fit import criterion, fit_primitive
 from scan2nurbs.surfaces.shape import KINDS, Floats, Kind, Shape
 from scan2nurbs.surfaces.shape_parameters import COLUMNS
 from scan2nurbs.surfaces.shape_result import ShapeFit
+from scan2nurbs.surfaces.shape_solve import TUKEY
 from scan2nurbs.surfaces.spline_shape import SplineShape
+from scan2nurbs.surfaces.swept_fit import fit_extrusion, fit_revolution
 
 __all__ = ["ShapeFit", "choose_shape", "fit_shape"]
 
@@ -57,6 +59,9 @@ def fit_shape(
     p, w = _checked(points, weights, noise)
     if kind in COLUMNS:
         return fit_primitive(kind, p, noise=noise, normals=normals, start=start, weights=w)  # type: ignore[arg-type]
+    if kind in ("extrusion", "revolution"):
+        shape = (fit_extrusion if kind == "extrusion" else fit_revolution)(p, noise, normals)
+        return _of_swept(shape, p, noise, w)
     if kind == "bspline":
         return _fit_spline(p, noise, w)
     raise ParameterError(f"The 'kind' parameter of fit_shape must be one of {', '.join(KINDS)}. Got {kind!r} instead.")
@@ -122,6 +127,14 @@ def _judge(fit: ShapeFit, points: Floats, weights: Floats, sigma: float) -> Shap
     sigma = max(sigma, 1e-9 * float(np.ptp(points, axis=0).max()))
     freedom = fit.shape.freedom + _PRICE.get(fit.shape.kind, 0)
     return replace(fit, criterion=criterion(fit.shape.distance(points) / sigma, weights, freedom))
+
+
+def _of_swept(shape: Shape, points: Floats, noise: float, weights: Floats) -> ShapeFit:
+    d = shape.distance(points)
+    sigma = max(noise, 1e-9 * float(np.ptp(points, axis=0).max()))
+    on = weights * (np.abs(d) <= TUKEY * max(sigma, 1.4826 * float(np.median(np.abs(d)))))
+    rms = float(np.sqrt((on @ d**2) / max(on.sum(), 1e-300)))
+    return ShapeFit(shape, len(points), rms, None, criterion(d / sigma, weights, shape.freedom))
 
 
 def _fit_spline(points: Floats, noise: float, weights: Floats) -> ShapeFit:
