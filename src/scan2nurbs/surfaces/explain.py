@@ -84,7 +84,8 @@ def _polynomials(points: Floats, d: Floats) -> tuple[float, int]:
     offset = points - points.mean(axis=0)
     axes = np.linalg.eigh(offset.T @ offset)[1]
     x = offset @ axes
-    x = x / np.abs(x).max()
+    reach = np.abs(x).max(axis=0)
+    x = x / np.maximum(reach, 1e-6 * reach.max())  # each by its own: bends across a narrow strip count as much
     powers = [x[:, 0] ** i * x[:, 1] ** j * x[:, 2] ** k for i in range(4) for j in range(4) for k in range(4) if i + j + k <= _DEGREE]
     if len(d) < 3 * len(powers):
         powers = [p for p, n in zip(powers, _degrees(), strict=True) if n <= (2 if len(d) >= 30 else 1)]

@@ -18,6 +18,7 @@ from scan2nurbs.surfaces.torus_start import tube_torus
 _SAMPLE = 600
 # Mean absolute distance, in standard deviations, under which a start is good enough: 0.8 is that of Gaussian noise.
 _EXPLAINED = 0.9
+_THINNEST = 3.0  # least radius, in standard deviations of the points
 # A fit has settled when a step would lower χ² by no more: steps of a few hundredths of a standard deviation are left.
 _SETTLED = 1e-3
 
@@ -105,6 +106,9 @@ def _require_determined(solution: Solution, points: Floats, sigma: float) -> Non
         raise NoResultError(f"The points do not determine a {kind}: its parameters depend on each other.")
     known = uncertainty(shape, sigma**2 * np.linalg.inv(solution.information))
     _, _, a, b = pose(shape)
+    smallest = {"plane": np.inf, "cone": np.inf, "torus": b}.get(kind, a)
+    if smallest < _THINNEST * sigma:
+        raise NoResultError(f"The points do not determine a {kind}: its radius would be lost in their noise.")
     # A radius that may as well be infinite, by three standard deviations of the curvature.
     curved = {"cylinder": "a plane", "sphere": "a plane", "cone": "a plane"}
     if kind in curved and known["radius"] * 3.0 > a:

@@ -21,8 +21,12 @@ from scan2nurbs.surfaces.swept_fit import fit_extrusion, fit_revolution
 
 __all__ = ["ShapeFit", "choose_shape", "fit_shape"]
 
-# A sphere takes fewer parameters than a cone, but is rarer: a chamfer that is too narrow to tell is no zone of a sphere.
-_PRICE = {"sphere": 2}
+# Parameters that a sphere pays more than it has. It is rarer than cylinders and cones, which have more: a chamfer or a fillet that is too
+# narrow to tell is no zone of a sphere; a compact patch may be.
+_SPHERE = {True: 1, False: 2}
+_HOLLOW, _NARROW = 0.03, 0.5
+_MANY = 500
+_ROUGHEST = 1.5
 
 
 def fit_shape(
@@ -94,10 +98,11 @@ def choose_shape(points: ArrayLike, *, noise: float, kinds: Sequence[Kind] = KIN
         found = _try(kind, p, noise, normals)
         if found is not None:
             fits.append(found)
-            if found[1].nothing_left() and kind == "plane":
+            # Few points cannot show that nothing is left.
+            if kind == "plane" and len(p) >= _MANY and found[1].nothing_left():
                 return found[0]
     # Points rougher than told must not buy parameters with their roughness.
-    sigma = max(noise, min((r.noise for _, r in fits), default=noise))
+    sigma = float(np.clip(min((r.noise for _, r in fits), default=noise), noise, _ROUGHEST * noise))
     judged = [(_judge(fit, p, w, sigma), r) for fit, r in fits]
     judged.sort(key=lambda pair: pair[0].criterion)
     if judged and judged[0][1].explained(sigma):
@@ -125,8 +130,17 @@ def _try(kind: Kind, points: Floats, noise: float, normals: Floats | None) -> tu
 
 def _judge(fit: ShapeFit, points: Floats, weights: Floats, sigma: float) -> ShapeFit:
     sigma = max(sigma, 1e-9 * float(np.ptp(points, axis=0).max()))
-    freedom = fit.shape.freedom + _PRICE.get(fit.shape.kind, 0)
+    freedom = fit.shape.freedom + (_SPHERE[_compact(points)] if fit.shape.kind == "sphere" else 0)
     return replace(fit, criterion=criterion(fit.shape.distance(points) / sigma, weights, freedom))
+
+
+def _compact(points: Floats) -> bool:
+    """Tell whether points make a patch that is neither a ring nor a strip."""
+    offset = points - points.mean(axis=0)
+    values = np.linalg.eigvalsh(offset.T @ offset)
+    distance = np.linalg.norm(offset, axis=1)
+    filled = float(np.mean(distance < 0.5 * np.median(distance))) > _HOLLOW
+    return filled and values[1] > _NARROW**2 * values[2]
 
 
 def _of_swept(shape: Shape, points: Floats, noise: float, weights: Floats) -> ShapeFit:
