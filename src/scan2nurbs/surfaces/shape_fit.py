@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from scan2nurbs.errors import NoResultError, ParameterError
 from scan2nurbs.surfaces.shape import KINDS, Floats, Kind, Shape
-from scan2nurbs.surfaces.shape_parameters import COLUMNS, Primitive, from_pose, pose, recentred, uncertainty
+from scan2nurbs.surfaces.shape_parameters import COLUMNS, Primitive, pose, lengths, recentred, scaled, uncertainty
 from scan2nurbs.surfaces.shape_solve import TUKEY, Solution, accumulate, distances, improve
 from scan2nurbs.surfaces.shape_start import starting_values
 from scan2nurbs.surfaces.torus_start import tube_torus
@@ -96,19 +96,18 @@ def fit_shape(
         raise NoResultError(f"The points coincide; they do not determine a {kind}.")
     local = np.ascontiguousarray((points - middle) / extent)
     sigma = max(noise / extent, 1e-9)
-    begin = _scaled(start, -middle, 1.0 / extent) if start is not None else None  # type: ignore[arg-type]
+    begin = scaled(start, -middle, 1.0 / extent) if start is not None else None  # type: ignore[arg-type]
     solution = _solve(kind, local, sigma, normals, begin, weights)
     _require_determined(solution, local, sigma)
     shape = solution.shape
-    size = np.ones(freedom)
-    size[[i for i, c in enumerate(COLUMNS[kind]) if c in (0, 1, 2) or (c == 5) or (c == 6 and kind == "torus")]] = extent
+    size = np.where(lengths(kind), extent, 1.0)
     covariance = sigma**2 * np.linalg.inv(solution.information) * np.outer(size, size)
     d = distances(shape, local)
     inside = np.maximum(1.0 - (d / (TUKEY * sigma)) ** 2, 0.0)
     rho = TUKEY**2 / 3.0 * (1.0 - inside**3)
     on = weights * (np.abs(d) <= TUKEY * max(sigma, 1.4826 * float(np.median(np.abs(d)))))
     return ShapeFit(
-        shape=_scaled(shape, np.zeros(3), extent, middle),
+        shape=scaled(shape, np.zeros(3), extent, middle),
         n_points=len(points),
         rms=float(np.sqrt((on @ d**2) / max(on.sum(), 1e-300))) * extent,
         covariance=covariance,
@@ -154,14 +153,6 @@ def _checked(points: ArrayLike, weights: Floats | None, noise: float) -> tuple[F
     if w.shape != (len(p),):
         raise ParameterError(f"The 'weights' parameter of fit_shape must be an array of {len(p)} floats. Got the shape {w.shape} instead.")
     return p, w
-
-
-def _scaled(shape: Primitive, before: Floats, factor: float, after: Floats | None = None) -> Primitive:
-    """Return (shape + before) · factor + after."""
-    _, frame, a, b = pose(shape)
-    frame = frame.copy()
-    frame[:3] = (frame[:3] + before) * factor + (0.0 if after is None else after)
-    return from_pose(shape.kind, frame, a * factor, b if shape.kind == "cone" else b * factor)
 
 
 def _solve(kind: Kind, points: Floats, sigma: float, normals: Floats | None, start: Primitive | None, weights: Floats) -> Solution:
