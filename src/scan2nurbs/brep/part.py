@@ -48,7 +48,7 @@ class PartFace:
     Attributes
     ----------
     number : int
-        Its number in the segmentation.
+        Of its surface among the fits; faces whose points fall apart have one surface.
     kind : str
         Of its surface.
     shapes : tuple of TopoDS_Face
@@ -164,11 +164,11 @@ def build_part(
         raise NoResultError("There is no face to build a model of.")
     factor = kernel_scale(float(np.linalg.norm(np.ptp(points, axis=0))))
     tell = progress or (lambda done, total: None)
-    shapes = [fit.shape for fit in fits]
+    shapes = [fits[k].shape for k in topology.source]
     made, caution, notes = _trimmed(shapes, topology, scale.h, factor, params, tell)
     faces, how = _completed(made, shapes, topology, scale.h, factor, caution, notes)
     tell(_ROUNDS + 1, _ROUNDS + 2)
-    model = _model(points, fits, topology, made, faces, how, scale, factor, params, notes)
+    model = _model(points, shapes, topology, made, faces, how, scale, factor, params, notes)
     tell(_ROUNDS + 2, _ROUNDS + 2)
     return model
 
@@ -234,7 +234,7 @@ def _alone(f: int, shapes: list[Any], topology: Any, h: float, factor: float) ->
 
 def _model(
     points: Floats,
-    fits: Sequence[Any],
+    shapes: list[Any],
     topology: Any,
     made: SharedFaces,
     faces: list[tuple[Any, ...]],
@@ -254,7 +254,7 @@ def _model(
         shape=whole.shape,
         kernel_scale=factor,
         faces=tuple(
-            PartFace(f, fits[f].shape.kind, pieces, sum(_area(face) for face in pieces) / factor**2, how[f])
+            PartFace(int(topology.source[f]), shapes[f].kind, pieces, sum(_area(face) for face in pieces) / factor**2, how[f])
             for f, pieces in enumerate(faces)
         ),
         edges=tuple(_edge(curve) for curve in made.curves),
