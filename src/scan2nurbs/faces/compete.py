@@ -17,7 +17,7 @@ from scan2nurbs.kernels.refits import refit_all
 from scan2nurbs.kernels.runner import kernel
 
 CANDIDATES = 8
-LINK_COST = 0.2
+LINK_COST = 0.25
 ACROSS_CREASE = 0.5
 MODEL_COST = 12.0
 

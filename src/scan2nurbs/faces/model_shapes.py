@@ -34,15 +34,16 @@ def shape_of(model: NDArray[np.float64], h: float) -> Shape:
 
 def signed_distances(model: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the signed distances (N,) of points (N, 3) in units of h from a model."""
-    return _field(model, points)[:, 0]
+    return field(model, points)[:, 0]
 
 
 def unit_normals(model: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the gradients (N, 3) of a model's distance at points (N, 3) in units of h."""
-    return _field(model, points)[:, 1:]
+    return field(model, points)[:, 1:]
 
 
-def _field(model: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+def field(model: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return signed distances and gradients (N, 4) of points (N, 3) in units of h."""
     out = np.empty((len(points), 4))
     _distances(model, np.ascontiguousarray(points), out)
     return out

@@ -6,17 +6,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scan2nurbs.faces.compete import CANDIDATES, Sheet, fit_regions, label_points, offered, select, split_pieces
+from scan2nurbs.faces.fillets import find_fillets
 from scan2nurbs.faces.unite import unite
 from scan2nurbs.kernels.bends import unevenness
 from scan2nurbs.kernels.growth import NONE_COST, propose
 from scan2nurbs.kernels.labelling import candidate_costs
-from scan2nurbs.kernels.primitives import PATCH, SIZE
+from scan2nurbs.kernels.primitives import CYLINDER, PATCH, SIZE, TORUS
 from scan2nurbs.kernels.runner import Progress
 
 MOST_MODELS = 6000
 ROUNDS = 5
 LEAST_SEED = 15
 RINGS = 2
+FILLET_ROUNDS = (1, 2)
 
 
 def find_primitives(
@@ -25,7 +27,6 @@ def find_primitives(
     curvature: NDArray[np.float64],
     kinds: NDArray[np.bool_],
     least: int,
-    most: int | None,
     progress: Progress | None,
 ) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
     """Grow primitives, then let them compete, be fitted anew, split and joined.
@@ -39,8 +40,8 @@ def find_primitives(
         Principal curvatures.
     kinds : (6,) bool
         Kinds that may be found.
-    least, most : int
-        Fewest points a face, and most faces.
+    least : int
+        Fewest points a face.
     progress : callable, optional
 
     Returns
@@ -68,6 +69,8 @@ def find_primitives(
         label, models = unite(sheet, label, models, values, refits)
         if step == ROUNDS - 1:
             break
+        if step in FILLET_ROUNDS and kinds[CYLINDER] and kinds[TORUS]:
+            sheet, label, models = find_fillets(sheet, label, models)
         candidates = offered(sheet, label, models, RINGS)
         if progress is not None:
             progress(step + 1, ROUNDS)

@@ -12,16 +12,19 @@ from scan2nurbs.edges.detect import Edges
 from scan2nurbs.errors import ParameterError
 from scan2nurbs.faces.compete import Sheet, link_weights
 from scan2nurbs.faces.finish import face_fits, rank_faces, smooth_pairs, spread_labels
+from scan2nurbs.faces.freeform import freeform_groups
 from scan2nurbs.faces.primitives import find_primitives
 from scan2nurbs.kernels.bends import bends
 from scan2nurbs.kernels.nearest import nearest_neighbours
-from scan2nurbs.kernels.primitives import KIND_NAMES
+from scan2nurbs.kernels.primitives import KIND_NAMES, PATCH
 from scan2nurbs.kernels.runner import Progress
 from scan2nurbs.scale import Scale, measure_scale
 from scan2nurbs.surfaces.shape import KINDS
 from scan2nurbs.surfaces.shape_fit import ShapeFit
 
 NEIGHBOURS = 12
+TILT = 0.12
+"""Sine of the angle by which normals of some two dozen noisy points stray."""
 LEAST_NOISE = 0.05
 """Smaller noise than this, in h, is not believed: surfaces of a scan are never so exact, and starts of fits not either."""
 
@@ -112,28 +115,26 @@ def segment_points(
     2012: distances and normals, a cost where neighbours differ, a cost a model), are fitted anew and joined where that pays. Time is
     linear in the points; the result depends on the points and parameters alone.
     """
-    normals = edges.normal
+    chosen, part_scale = np.arange(len(points)), scale
     if len(points) > params.most_points:
         chosen = np.sort(scale.cells.order[:: -(-len(points) // params.most_points)])
-        part, part_scale = points[chosen], measure_scale(points[chosen])
-        label, models, sheet = _segment(part_scale, normals[chosen], params, progress)
-        part_label = np.empty(len(part), np.int32)
-        part_label[part_scale.cells.order] = label
-        label = spread_labels(points, scale, part_label, part_scale, models, sheet)
-    else:
-        part_scale = scale
-        sorted_label, models, _ = _segment(scale, normals, params, progress)
-        label = np.empty(len(points), np.int32)
-        label[scale.cells.order] = sorted_label
-    label, models = rank_faces(label, models)
-    fits = face_fits(points, normals, label, models, _noise(params, scale), part_scale.h, params.keep_types)
-    return Faces(label=label, fits=fits, smooth=smooth_pairs(points, label, fits, scale))
+        part_scale = measure_scale(points[chosen])
+    sheet, one_sided, curvature = _sheet(part_scale, edges.normal[chosen], params)
+    kinds = allowed_kinds(params.keep_types)
+    piece, models = find_primitives(sheet, one_sided, curvature, kinds, params.min_points, progress)
+    group = freeform_groups(sheet, piece, models) if kinds[PATCH] else np.arange(len(models), dtype=np.int32)
+    label = np.empty(len(chosen), np.int32)
+    label[part_scale.cells.order] = piece
+    if len(chosen) < len(points):
+        label = spread_labels(points, label, part_scale, models, sheet)
+    label = np.where(label >= 0, group[label], -1).astype(np.int32)
+    label, members = rank_faces(label, group, params.max_faces)
+    fits = face_fits(points, edges.normal, label, [models[m] for m in members], sheet.sigma * part_scale.h, part_scale.h)
+    return Faces(label=label, fits=fits, smooth=smooth_pairs(points[chosen], label[chosen], fits, part_scale))
 
 
-def _segment(
-    scale: Scale, normals: NDArray[np.float64], params: SegmentParams, progress: Progress | None
-) -> tuple[NDArray[np.int32], NDArray[np.float64], Sheet]:
-    """Segment a cloud of moderate size; labels are in the order of the sorted points, models in units of h."""
+def _sheet(scale: Scale, normals: NDArray[np.float64], params: SegmentParams) -> tuple[Sheet, NDArray[np.float64], NDArray[np.float64]]:
+    """Return the cloud in units of h with its graph, in the order of the sorted points, its one-sided normals and its curvatures."""
     cells = scale.cells
     neighbours, _ = nearest_neighbours(cells, NEIGHBOURS, reach=2.0 * scale.h)
     local = cells.points / scale.h
@@ -145,18 +146,14 @@ def _segment(
         neighbours=neighbours,
         weights=link_weights(smooth_normals, neighbours),
         sigma=_noise(params, scale) / scale.h,
-        tilt=0.12,
+        tilt=TILT,
     )
-    label, models = find_primitives(
-        sheet, one_sided, curvature, allowed_kinds(params.keep_types), params.min_points, params.max_faces, progress
-    )
-    return label, models, sheet
+    return sheet, one_sided, curvature
 
 
 def allowed_kinds(keep_types: tuple[str, ...] | None) -> NDArray[np.bool_]:
     """Tell which kinds of models may be tried."""
-    kinds = np.array([keep_types is None or name in keep_types for name in KIND_NAMES], bool)
-    return kinds
+    return np.array([keep_types is None or name in keep_types for name in KIND_NAMES], bool)
 
 
 def _noise(params: SegmentParams, scale: Scale) -> float:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scan2nurbs.faces.compete import MODEL_COST, Sheet, grouped
-from scan2nurbs.kernels.refits import unite_pairs
+from scan2nurbs.kernels.refits import misfit, unite_pairs
 
 LEAST_CONTACT = 6
 
@@ -57,7 +57,7 @@ def unite(
     """
     label, models, values = label.copy(), models.copy(), values.copy()
     tested: set[tuple[int, int]] = set()
-    for _ in range(8):
+    for _ in range(12):
         pairs, count, place = contacts(label, sheet.neighbours)
         new = np.array([(int(i), int(j)) not in tested for i, j in pairs], bool) & (count >= LEAST_CONTACT)
         pairs, place = pairs[new], place[new]
@@ -69,19 +69,32 @@ def unite(
         unite_pairs(
             sheet.points, sheet.normals, sheet.neighbours, order, starts, pairs, place, kinds, sheet.sigma, models, values, gains, united
         )
-        touched: set[int] = set()
+        changed: set[int] = set()
+        gone: set[int] = set()
         for p in np.argsort(-gains, kind="stable"):
             i, j = int(pairs[p, 0]), int(pairs[p, 1])
             if gains[p] <= -MODEL_COST:
                 break
-            if i in touched or j in touched:
+            if i in gone or j in gone or (i in changed and j in changed):
                 tested.discard((i, j))
                 continue
-            touched.update((i, j))
+            if i in changed or j in changed:
+                # One of the two has grown meanwhile: it takes the other as it is, where it explains it.
+                i, j = (i, j) if i in changed else (j, i)
+                mine = order[starts[j] : starts[j + 1]]
+                value = misfit(models[i], sheet.points, mine, len(mine), sheet.sigma)
+                if value > values[j] + MODEL_COST:
+                    tested.discard((min(i, j), max(i, j)))
+                    continue
+                values[i] += value
+            else:
+                models[i] = united[p]
+                values[i] += values[j] - gains[p]
+            changed.add(i)
+            gone.add(j)
             label[label == j] = i
-            models[i] = united[p]
-            values[i] += values[j] - gains[p]
-            tested = {pair for pair in tested if i not in pair and j not in pair}
+        touched = changed | gone
+        tested = {pair for pair in tested if pair[0] not in touched and pair[1] not in touched}
         if not touched:
             break
     return label, models
