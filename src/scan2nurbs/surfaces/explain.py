@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from scan2nurbs.surfaces.shape import Floats
@@ -101,13 +102,13 @@ def _degrees() -> list[int]:
 
 def _blocks(points: Floats, d: Floats) -> tuple[float, int]:
     """Return the sum of squares of the means of blocks, and their number."""
-    groups = [np.arange(len(d))]
+    groups: list[NDArray[np.int64]] = [np.arange(len(d), dtype=np.int64)]
     while len(groups[0]) > 2 * _BLOCK:
         groups = [half for g in groups for half in _halves(points, g)]
     return float(sum(d[g].sum() ** 2 / len(g) for g in groups)), len(groups)
 
 
-def _halves(points: Floats, group: Floats) -> tuple[Floats, Floats]:
+def _halves(points: Floats, group: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     here = points[group]
     order = group[np.argsort(here[:, np.argmax(np.ptp(here, axis=0))], kind="stable")]
     return order[: len(order) // 2], order[len(order) // 2 :]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scan2nurbs.errors import NoResultError
-from scan2nurbs.surfaces.shape import Floats, Kind
+from scan2nurbs.surfaces.shape import Floats, Kind, inverse
 from scan2nurbs.surfaces.shape_parameters import COLUMNS, Primitive, lengths, pose, recentred, scaled, uncertainty
 from scan2nurbs.surfaces.shape_result import ShapeFit
 from scan2nurbs.surfaces.shape_solve import TUKEY, Solution, accumulate, distances, improve
@@ -40,7 +40,7 @@ def fit_primitive(
     _require_determined(solution, local, sigma)
     shape = solution.shape
     size = np.where(lengths(kind), extent, 1.0)
-    covariance = sigma**2 * np.linalg.inv(solution.information) * np.outer(size, size)
+    covariance = sigma**2 * inverse(solution.information) * np.outer(size, size)
     d = distances(shape, local)
     on = weights * (np.abs(d) <= TUKEY * max(sigma, 1.4826 * float(np.median(np.abs(d)))))
     return ShapeFit(
@@ -77,7 +77,7 @@ def _solve(kind: Kind, points: Floats, sigma: float, normals: Floats | None, sta
     if shape is None:
         raise NoResultError(f"The points suggest no {kind} to start from.")
     shape = recentred(improve(shape, few, light, _cut(shape, few, sigma, 9.0), 20, 0.1 * sigma**2), middle)
-    cut = np.inf
+    before = cut = np.inf
     for _ in range(4):
         # The sample took the fit to where a few steps over all points end it.
         before, cut = cut, _cut(shape, points, sigma, TUKEY)
@@ -104,7 +104,7 @@ def _require_determined(solution: Solution, points: Floats, sigma: float) -> Non
     values = np.linalg.eigvalsh(solution.information / np.outer(scale, scale))
     if not (np.isfinite(values).all() and values[0] > 1e-13 * values[-1]):
         raise NoResultError(f"The points do not determine a {kind}: its parameters depend on each other.")
-    known = uncertainty(shape, sigma**2 * np.linalg.inv(solution.information))
+    known = uncertainty(shape, sigma**2 * inverse(solution.information))
     _, _, a, b = pose(shape)
     smallest = {"plane": np.inf, "cone": np.inf, "torus": b}.get(kind, a)
     if smallest < _THINNEST * sigma:

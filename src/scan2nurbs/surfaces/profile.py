@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import BSpline
-from scipy.sparse import coo_array, csc_array, diags_array
+from scipy.sparse import coo_array, csc_array
 from scipy.sparse.csgraph import dijkstra, minimum_spanning_tree
 from scipy.sparse.linalg import splu
 from scipy.spatial import KDTree
@@ -61,7 +61,7 @@ class PlanarCurve:
         if start is None:
             grid, tree = self._starts
             start = grid[tree.query(points)[1]]
-        t, width = start.copy(), (high - low) / max(len(np.unique(self.knots)) - 1, 1)
+        t, width = np.array(start, np.float64), (high - low) / max(len(np.unique(self.knots)) - 1, 1)
         for _ in range(8):
             c, d, dd = self.at(t)
             off = points - c
@@ -199,7 +199,7 @@ def _fit(points: Floats, t: Floats, end: float, spans: int, closed: bool) -> tup
     n = len(knots) - p - 1
     free = np.arange(n) % spans if closed else np.arange(n)
     merge = csc_array((np.ones(n), (np.arange(n), free)), shape=(n, int(free.max()) + 1))
-    second = csc_array(diags_array([np.ones(n - 2), np.full(n - 2, -2.0), np.ones(n - 2)], offsets=[0, 1, 2], shape=(n - 2, n))) @ merge
+    second = csc_array(np.diff(np.eye(n), 2, axis=0)) @ merge
     fair = (second.T @ second) * (_FAIRNESS * len(points) / n) + 1e-9 * len(points) / n * csc_array(merge.T @ merge)
     t = np.clip(t, low, np.nextafter(high, low))
     curve = PlanarCurve(knots, np.zeros((n, 2)), closed)

@@ -12,7 +12,7 @@ from scipy.sparse.linalg import splu
 
 from scan2nurbs.surfaces.constraints import ANGLE, evaluate
 from scan2nurbs.surfaces.relation_search import Candidate, Floors
-from scan2nurbs.surfaces.shape import Floats
+from scan2nurbs.surfaces.shape import Floats, inverse
 from scan2nurbs.surfaces.shape_parameters import COLUMNS, Primitive, moved, pose
 from scan2nurbs.surfaces.shape_solve import TUKEY, accumulate, distances
 
@@ -52,7 +52,7 @@ def fit_jointly(shapes: Sequence[Primitive], members: Sequence[Member], relation
     current = list(shapes)
     place = {m.face: i for i, m in enumerate(members)}
     starts = np.concatenate([[0], np.cumsum([len(COLUMNS[s.kind]) for s in current])])
-    scale, force = np.ones(0), np.zeros(len(relations))
+    scale, ease, force = np.ones(0), np.ones(0), np.zeros(len(relations))
     gap, projections = np.inf, 0
     for k in range(_ROUNDS):
         systems = [normal_system(shape, member) for shape, member in zip(current, members, strict=True)]
@@ -114,8 +114,8 @@ def _equations(
 
 def _variance(slope: csc_array, systems: Sequence[tuple[Floats, Floats]]) -> Floats:
     """Return the variance of each equation's value if every face is known as well as by itself."""
-    inverse = block_diag([np.linalg.inv(matrix) for matrix, _ in systems], format="csc")
-    return np.asarray((slope @ inverse).multiply(slope).sum(axis=1)).ravel()
+    inverses = block_diag([inverse(matrix) for matrix, _ in systems], format="csc")
+    return np.asarray(csc_array(slope @ inverses).multiply(slope).sum(axis=1)).ravel()
 
 
 def _step(systems: Sequence[tuple[Floats, Floats]], value: Floats, slope: csc_array, project: bool) -> tuple[Floats, Floats, float]:

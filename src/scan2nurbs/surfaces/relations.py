@@ -15,7 +15,7 @@ from scan2nurbs.surfaces.constraints import ANGLE, evaluate
 from scan2nurbs.surfaces.relation_search import Candidate, Floors, Known, find_relations, find_tangencies
 from scan2nurbs.surfaces.relation_select import select_relations
 from scan2nurbs.surfaces.relation_solve import JointFit, Member, fit_jointly, normal_system
-from scan2nurbs.surfaces.shape import Floats
+from scan2nurbs.surfaces.shape import Floats, inverse
 from scan2nurbs.surfaces.shape_fit import ShapeFit
 from scan2nurbs.surfaces.shape_parameters import COLUMNS, Primitive, lengths, recentred, scaled
 from scan2nurbs.surfaces.shape_solve import TUKEY, distances
@@ -187,7 +187,7 @@ class _Part:
         return _Part(middle, extent, shapes, members, place, [_rms(s, m) for s, m in zip(shapes, members, strict=True)])
 
     def known(self) -> list[Known]:
-        return [Known(m.face, s, np.linalg.inv(normal_system(s, m)[0])) for s, m in zip(self.shapes, self.members, strict=True)]
+        return [Known(m.face, s, inverse(normal_system(s, m)[0])) for s, m in zip(self.shapes, self.members, strict=True)]
 
 
 def _rms(shape: Primitive, member: Member) -> float:
@@ -230,7 +230,7 @@ def _result(part: _Part, fits: Sequence[ShapeFit], joint: JointFit, active: Sequ
         rise[member.face] = (after - part.before[i]) * part.extent
         if member.face in touched:
             size = np.where(lengths(shape.kind), part.extent, 1.0)
-            covariance = np.linalg.inv(normal_system(shape, member)[0]) * np.outer(size, size)
+            covariance = inverse(normal_system(shape, member)[0]) * np.outer(size, size)
             back = scaled(shape, np.zeros(3), part.extent, part.middle)
             old = fits[member.face]
             new[member.face] = replace(old, shape=back, rms=after * part.extent, covariance=covariance)

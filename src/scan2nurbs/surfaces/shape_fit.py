@@ -26,6 +26,8 @@ __all__ = ["ShapeFit", "choose_shape", "fit_shape"]
 _SPHERE = {True: 1, False: 2}
 _HOLLOW, _NARROW = 0.03, 0.5
 _MANY = 500
+_PRIMITIVES: tuple[Kind, ...] = ("plane", "cylinder", "cone", "sphere", "torus")
+_OTHERS: tuple[Kind, ...] = ("extrusion", "revolution", "bspline")
 _ROUGHEST = 1.5
 
 
@@ -94,7 +96,9 @@ def choose_shape(points: ArrayLike, *, noise: float, kinds: Sequence[Kind] = KIN
     """
     p, w = _checked(points, None, noise)
     fits: list[tuple[ShapeFit, Residuals]] = []
-    for kind in (k for k in KINDS if k in kinds and k in COLUMNS):
+    for kind in _PRIMITIVES:
+        if kind not in kinds:
+            continue
         found = _try(kind, p, noise, normals)
         if found is not None:
             fits.append(found)
@@ -107,7 +111,9 @@ def choose_shape(points: ArrayLike, *, noise: float, kinds: Sequence[Kind] = KIN
     judged.sort(key=lambda pair: pair[0].criterion)
     if judged and judged[0][1].explained(sigma):
         return judged[0][0]
-    for kind in (k for k in KINDS if k in kinds and k not in COLUMNS):
+    for kind in _OTHERS:
+        if kind not in kinds:
+            continue
         found = _try(kind, p, noise, normals)
         if found is not None:
             judged.append((_judge(found[0], p, w, sigma), found[1]))

@@ -108,4 +108,4 @@ def _step(
     profile = BSpline.design_matrix(np.clip(t, low, np.nextafter(high, low)), curve.knots, 3).toarray()
     on = np.abs(d) <= _CUT * max(noise, 1.4826 * float(np.median(np.abs(d))))
     system = np.column_stack([*columns, profile])[on]
-    return np.linalg.lstsq(system, -d[on], rcond=1e-9)[0][: len(columns)]
+    return np.asarray(np.linalg.lstsq(system, -d[on], rcond=1e-9)[0][: len(columns)], dtype=np.float64)
