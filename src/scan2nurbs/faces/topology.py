@@ -18,7 +18,7 @@ from scan2nurbs.faces.merge import merge_vertices
 from scan2nurbs.faces.orient import find_patches, outward_signs
 from scan2nurbs.faces.regions import find_regions
 from scan2nurbs.faces.relabel import Samples, take_samples
-from scan2nurbs.faces.sheet import Sheet, components, drop_triangles, is_covered, span_sheet, triangle_areas
+from scan2nurbs.faces.sheet import Sheet, components, drop_triangles, is_covered, peel, span_sheet, triangle_areas
 from scan2nurbs.faces.split import split_mesh
 from scan2nurbs.faces.trace import Closed, Traced, cap_holes, genera, trace
 from scan2nurbs.kernels.runner import Progress
@@ -119,17 +119,18 @@ def find_topology(
     tell(2)
     sheet = span_sheet(tucked, outward, samples.h)
     tell(3)
-    sheet, notes = _trim(sheet, tucked, samples, scale, params)
+    sheet, notes = _trim(sheet, tucked, outward, samples, scale, params)
     tell(4)
     topology = _read(sheet, tucked, signs[patch], samples, [f.shape for f in fits], notes)
     tell(5)
     return topology
 
 
-def _trim(sheet: Sheet, points: Floats, samples: Samples, scale: Scale, params: TopologyParams) -> tuple[Sheet, list[str]]:
+def _trim(sheet: Sheet, points: Floats, outward: Floats, samples: Samples, scale: Scale, params: TopologyParams) -> tuple[Sheet, list[str]]:
     """Open the surface where there is no data, and drop pieces too small to be a part."""
     if not params.fill_holes:
         sheet = drop_triangles(sheet, is_covered(sheet, points, samples.spacing, scale.cells, params.reach))
+        sheet = peel(sheet, points, outward)
     n, piece = components(sheet)
     area = np.bincount(piece, triangle_areas(points, sheet.source[sheet.triangles]), minlength=n)
     small = area < params.least_area * samples.h**2
