@@ -223,7 +223,7 @@ def _lay(border: Any, guide: _Guide, vertices: Floats, h: float) -> BorderCurve:
     closed = border.vertices[0] < 0
     points = guide.points
     if not closed:
-        points = _between(guide, *(_end(guide, vertices[v], h) for v in border.vertices))
+        points = _between(guide, *_ends(guide, vertices[list(border.vertices)], h))
     curve = simple_curve(points, closed, _SIMPLE[guide.mode] * h, _KEEP_END * h) if guide.caution < 2 else None
     if curve is None:
         curve = lay_curve(_thinned(points, 2.0 * h), closed=closed, tolerance=_STRAY[guide.mode] * h, draw=_drawing(guide))
@@ -247,10 +247,10 @@ def _drawing(guide: _Guide) -> Any:
     return touch
 
 
-def _end(guide: _Guide, vertex: Floats, h: float) -> Floats:
-    """Return where the border's curve ends at a vertex: on both surfaces if that is near, else in the vertex itself."""
-    drawn = _drawing(guide)(vertex[None])[0]
-    return drawn if np.linalg.norm(drawn - vertex) <= _KEEP_END * h else vertex
+def _ends(guide: _Guide, vertices: Floats, h: float) -> Floats:
+    """Return where the border's curve ends at its vertices: on the border if that is near, else in the vertex itself."""
+    drawn = _drawing(guide)(vertices)
+    return np.where((np.linalg.norm(drawn - vertices, axis=1) <= _KEEP_END * h)[:, None], drawn, vertices)
 
 
 def _between(guide: _Guide, first: Floats, last: Floats) -> Floats:
