@@ -24,7 +24,7 @@ _STRAY = (0.02, 0.02, 2e-3)
 _PRIOR = (0.02, 0.3, 1.0)
 _GUIDE, _CONTACT = 0.05, 0.3
 _DRIFT = 3.0
-_KEEP_END = 0.1
+_KEEP_END = 0.08
 _AIM = 0.94
 
 
@@ -192,8 +192,14 @@ def _place_vertices(borders: Sequence[Any], guides: Sequence[_Guide], vertices: 
     for v, meet in enumerate(ends):
         around = sorted({f for k, _ in meet for f in borders[k].faces if f >= 0})
         if around:
+            vague = [guides[k] for k, _ in meet if guides[k].mode < 2]
             prior = _PRIOR[max(guides[k].caution for k, _ in meet)]
-            placed[v] = _vertex(placed[v], [shapes[f] for f in around], [guides[k] for k, _ in meet if guides[k].mode < 2], h, prior)
+            # Surfaces that hardly meet would carry the vertex far away: it is then held more firmly.
+            for firm in (prior, 0.1, 0.3, 1.0):
+                found = _vertex(placed[v], [shapes[f] for f in around], vague, h, max(firm, prior))
+                if np.linalg.norm(found - placed[v]) <= _DRIFT * h:
+                    break
+            placed[v] = found
     return placed
 
 
@@ -215,8 +221,7 @@ def _vertex(start: Floats, shapes: list[Shape], guides: list[_Guide], h: float, 
         at = at + step
         if np.linalg.norm(step) < 1e-12 * h:
             break
-    drift = float(np.linalg.norm(at - start))
-    return at if drift <= _DRIFT * h else start + (at - start) * (_DRIFT * h / drift)
+    return at
 
 
 def _lay(border: Any, guide: _Guide, vertices: Floats, h: float) -> BorderCurve:
