@@ -24,7 +24,7 @@ _STRAY = (0.02, 0.02, 2e-3)
 _PRIOR = (0.02, 0.3, 1.0)
 _GUIDE, _CONTACT = 0.05, 0.3
 _DRIFT = 3.0
-_KEEP_END = 0.1
+_KEEP_END = 0.08
 _AIM = 0.94
 
 
@@ -192,8 +192,14 @@ def _place_vertices(borders: Sequence[Any], guides: Sequence[_Guide], vertices: 
     for v, meet in enumerate(ends):
         around = sorted({f for k, _ in meet for f in borders[k].faces if f >= 0})
         if around:
+            vague = [guides[k] for k, _ in meet if guides[k].mode < 2]
             prior = _PRIOR[max(guides[k].caution for k, _ in meet)]
-            placed[v] = _vertex(placed[v], [shapes[f] for f in around], [guides[k] for k, _ in meet if guides[k].mode < 2], h, prior)
+            # Surfaces that hardly meet would carry the vertex far away: it is then held more firmly.
+            for firm in (prior, 0.1, 0.3, 1.0):
+                found = _vertex(placed[v], [shapes[f] for f in around], vague, h, max(firm, prior))
+                if np.linalg.norm(found - placed[v]) <= _DRIFT * h:
+                    break
+            placed[v] = found
     return placed
 
 
@@ -215,15 +221,14 @@ def _vertex(start: Floats, shapes: list[Shape], guides: list[_Guide], h: float, 
         at = at + step
         if np.linalg.norm(step) < 1e-12 * h:
             break
-    drift = float(np.linalg.norm(at - start))
-    return at if drift <= _DRIFT * h else start + (at - start) * (_DRIFT * h / drift)
+    return at
 
 
 def _lay(border: Any, guide: _Guide, vertices: Floats, h: float) -> BorderCurve:
     closed = border.vertices[0] < 0
     points = guide.points
     if not closed:
-        points = _between(guide, *(_end(guide, vertices[v], h) for v in border.vertices))
+        points = _between(guide, *_ends(guide, vertices[list(border.vertices)], h))
     curve = simple_curve(points, closed, _SIMPLE[guide.mode] * h, _KEEP_END * h) if guide.caution < 2 else None
     if curve is None:
         curve = lay_curve(_thinned(points, 2.0 * h), closed=closed, tolerance=_STRAY[guide.mode] * h, draw=_drawing(guide))
@@ -247,10 +252,10 @@ def _drawing(guide: _Guide) -> Any:
     return touch
 
 
-def _end(guide: _Guide, vertex: Floats, h: float) -> Floats:
-    """Return where the border's curve ends at a vertex: on both surfaces if that is near, else in the vertex itself."""
-    drawn = _drawing(guide)(vertex[None])[0]
-    return drawn if np.linalg.norm(drawn - vertex) <= _KEEP_END * h else vertex
+def _ends(guide: _Guide, vertices: Floats, h: float) -> Floats:
+    """Return where the border's curve ends at its vertices: on the border if that is near, else in the vertex itself."""
+    drawn = _drawing(guide)(vertices)
+    return np.where((np.linalg.norm(drawn - vertices, axis=1) <= _KEEP_END * h)[:, None], drawn, vertices)
 
 
 def _between(guide: _Guide, first: Floats, last: Floats) -> Floats:

@@ -5,23 +5,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 
 from scan2nurbs.brep.occ import kernel_errors, to_surface
 from scan2nurbs.brep.seam import roll
+from scan2nurbs.brep.wide import WideSpline
 from scan2nurbs.surfaces.bspline import BSplineSurface
-from scan2nurbs.surfaces.project import foot_points
 from scan2nurbs.surfaces.shape import Shape, perpendicular, unit
 
 Floats = NDArray[np.float64]
 
 TURN = 2.0 * np.pi
-_SEEDS = 24
 
 
 class Chart(Protocol):
@@ -181,13 +179,11 @@ class SplineChart:
 
     surface: BSplineSurface
     scale: float
+    _wide: WideSpline = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        (u0, u1), (v0, v1) = self.surface.domain
-        spans = [max(_SEEDS, 3 * (len(np.unique(k)) - 1)) for k in self.surface.knots]
-        u, v = np.meshgrid(np.linspace(u0, u1, spans[0]), np.linspace(v0, v1, spans[1]), indexing="ij")
-        seeds = np.column_stack([u.ravel(), v.ravel()])
-        object.__setattr__(self, "_seeds", (KDTree(self.surface.evaluate(seeds)), seeds))
+        """Prepare the feet."""
+        object.__setattr__(self, "_wide", WideSpline(self.surface))
 
     @property
     def start(self) -> tuple[float, float]:
@@ -207,8 +203,7 @@ class SplineChart:
 
     def uv(self, points: Floats) -> Floats:
         """Return the parameters (N, 2) of the feet of points."""
-        tree, seeds = self._seeds  # type: ignore[attr-defined]
-        return foot_points(self.surface, points, seeds[tree.query(points)[1]], steps=30).uv
+        return self._wide.parameters(points)
 
     def point(self, uv: Floats) -> Floats:
         """Return the points (N, 3) at parameters (N, 2), those beyond the domain drawn to its border."""

@@ -16,6 +16,7 @@ from scan2nurbs.brep.layout import Layout, cuts, lay_out
 from scan2nurbs.brep.occ import kernel_errors
 from scan2nurbs.brep.regions import regions
 from scan2nurbs.brep.sharing import KernelPart, Piece, steps_of
+from scan2nurbs.brep.wide import widened
 from scan2nurbs.errors import NoResultError
 from scan2nurbs.surfaces.shape import Shape
 
@@ -68,6 +69,7 @@ def trim_faces(shapes: Sequence[Shape], topology: Any, h: float, scale: float, c
     caution : sequence of int, optional
         As in `lay_borders`.
     """
+    shapes = [widened(shape, _border_points(topology, f), h) for f, shape in enumerate(shapes)]
     curves, vertices = lay_borders(topology.borders, topology.vertices, shapes, h, caution)
     work = _Work(curves, vertices, [[] for _ in curves])
     layouts = [_layout(work, shape, _loops(topology, f), f, h, scale) for f, shape in enumerate(shapes)]
@@ -88,6 +90,10 @@ def trim_faces(shapes: Sequence[Shape], topology: Any, h: float, scale: float, c
         if made and not all(is_valid(face) for face in made):
             work.failures[f] = "The CAD kernel's check finds it invalid."
     return SharedFaces(tuple(tuple(made) for made in faces), work.failures, tuple(work.curves))
+
+
+def _border_points(topology: Any, f: int) -> Floats:
+    return np.vstack([np.empty((0, 3)), *(topology.borders[k].points for loop in topology.loops[f] for k, _ in loop)])
 
 
 def _layout(work: _Work, shape: Shape, loops: list[Any], f: int, h: float, scale: float) -> Layout | None:

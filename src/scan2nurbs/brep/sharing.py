@@ -129,7 +129,7 @@ class KernelPart:
 
     def _widen(self, vertex: Any, point: Floats, end: Floats, tolerance: float) -> None:
         apart = float(np.linalg.norm(point - end)) * self.scale
-        self.build.UpdateVertex(vertex, max(1.01 * tolerance, 3.0 * apart + 1.01 * self.least))
+        self.build.UpdateVertex(vertex, max(1.01 * tolerance, 2.0 * apart + 1.01 * self.least))
 
     def _use(self, layout: Layout, geometry: Any, step: Step) -> Any:
         from OCP.TopAbs import TopAbs_FORWARD, TopAbs_REVERSED
