@@ -41,6 +41,16 @@ def check_outputs(outputs: Iterable[tuple[Path | None, Collection[str]]], inputs
         taken.append(where)
 
 
+def check_rhino(output: Path | None) -> None:
+    """Find out before anything is computed that the library for 3DM is missing."""
+    if output is None or output.suffix.lower() != ".3dm":
+        return
+    from importlib.util import find_spec  # noqa: PLC0415
+
+    if find_spec("rhino3dm") is None:
+        raise ParameterError(f"{output}: 3DM needs an optional dependency: pip install 'scan2nurbs[rhino]'")
+
+
 def _check_place(path: Path, suffixes: Collection[str]) -> None:
     if path.suffix.lower() not in suffixes:
         raise ParameterError(f"{path}: There is no writer for the suffix '{path.suffix}'. Known are: {', '.join(sorted(suffixes))}.")
