@@ -213,9 +213,3 @@ def test_what_is_no_cloud_is_refused(points):
 def test_parameters_out_of_range_are_refused(params, message):
     with pytest.raises(ParameterError, match=message):
         s2n.EdgeParams(**params)
-
-
-def test_whole_parts_are_announced_not_invented():
-    for function in (s2n.segment, s2n.reconstruct):
-        with pytest.raises(s2n.Scan2NurbsError, match="not in this version"):
-            function(roof(100))

@@ -29,7 +29,7 @@ def part_pictures(model: Model) -> list[Picture]:
         feet[label == k] = fit.shape.foot(points[label == k])
     known = np.isfinite(model.deviation)
     return [
-        model_picture(mesh.corners, mesh.face, unit=unit, edges=edges, free=free, view=view),
+        model_picture(mesh.corners, mesh.face, unit=unit, closed=model.part.closed, edges=edges, free=free, view=view),
         faces_picture(points, label, unit=unit, curves=borders, view=view),
         deviation_picture(feet[known], model.deviation[known], unit=unit, view=view),
         deviation_histogram(model.deviation, unit=unit, noise=noise),

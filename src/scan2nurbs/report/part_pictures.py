@@ -12,8 +12,8 @@ from scan2nurbs.report.colours import face_colours
 from scan2nurbs.report.pictures import GREY, Array, Picture, draw_curves, stage, thin_out, to_png
 from scan2nurbs.report.view import View
 
-SAMPLES = 400_000
-"""Points by which a mesh is drawn: about one a pixel."""
+SAMPLES = 1_000_000
+"""Points by which a mesh is drawn: more than one a pixel."""
 
 
 def faces_picture(points: Array, label: NDArray[np.int32], *, unit: str, curves: Sequence[Array] = (), view: View | None = None) -> Picture:
@@ -43,6 +43,7 @@ def model_picture(
     face: NDArray[np.int32],
     *,
     unit: str,
+    closed: bool = False,
     edges: Sequence[Array] = (),
     free: Sequence[Array] = (),
     view: View | None = None,
@@ -55,9 +56,14 @@ def model_picture(
         The model's triangles.
     face : (T,) int32
         The face of each triangle, in the numbering of `faces_picture`.
+    closed : bool
+        Whether the triangles bound a body: then those that turn their backs are left out, and nothing shines through.
     edges, free : sequences of (K, 3) float64
         Edges with a face on both sides, and with a face on one side only.
     """
+    if closed and view is not None:
+        seen = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) @ view.axes[2] > 0.0
+        corners, face = corners[seen], face[seen]
     points, owner = spread(corners, SAMPLES)
     figure, axes, scene = stage(points, face_colours(int(face.max(initial=0)) + 1)[face[owner]], view, unit)
     draw_curves(axes, scene, edges, "black", 1.0)
