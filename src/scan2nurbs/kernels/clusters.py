@@ -1,4 +1,4 @@
-"""Points summed up by small cells: what a ball of thousands of points is made of where its points are too many."""
+"""Points summed up by small cells: what a ball of hundreds of points is made of where its points are too many."""
 
 from __future__ import annotations
 
@@ -7,24 +7,32 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from scan2nurbs.kernels.cells import POINTS_PER_CELL, Cells, build_cells
-from scan2nurbs.kernels.runner import kernel, run_ranges
+from scan2nurbs.kernels.balls import add_shifted
+from scan2nurbs.kernels.candidates import LANES, list_near
+from scan2nurbs.kernels.cells import POINTS_PER_CELL, Cells, build_cells, runs_in_box
+from scan2nurbs.kernels.runner import inlined, kernel, run_ranges
 
 _RANGE = 1 << 12
+_TINY = np.float32(1e-9)
+
+# Rows of a table of clusters: x, y, z of the mean, four rows of shares, nine of sums about the centre of the table (x to zz), and
+# behind them those of the weights.
+_SHARES, _SUMS, _WEIGHTS = 3, 7, 16
+CLUSTER_ROWS = _WEIGHTS + 8
 
 
-class Sources(NamedTuple):
-    """What the sums of a ball are taken over.
+class Clusters(NamedTuple):
+    """What stands for the points of large balls.
 
     Attributes
     ----------
     cells : Cells
-        The points, or the means of clusters of points.
-    weights : (M, 7) float32
-        Of each cluster the number of its points and their summed products xx, xy, xz, yy, yz, zz about their mean, in the order
-        of the sorted means; (0, 0) where the sources are the points themselves.
+        The means of clusters of points.
+    weights : (M, 8) float32
+        Of each cluster, in the order of the sorted means, the number of its points, their summed products xx, xy, xz, yy, yz, zz
+        about their mean in units of the radius, and 1 over the width of a square plate with the same variance, in radii.
     size : float
-        Edge length of the clusters' cells; 0 for points.
+        Edge length of the clusters' cells, in the points' unit; 0 where there are no clusters.
     """
 
     cells: Cells
@@ -32,7 +40,7 @@ class Sources(NamedTuple):
     size: float
 
 
-def cluster(cells: Cells, size: float, radius: float) -> Sources:
+def cluster(cells: Cells, size: float, radius: float) -> Clusters:
     """Sum up the points by cells of edge length `size`.
 
     Parameters
@@ -46,10 +54,10 @@ def cluster(cells: Cells, size: float, radius: float) -> Sources:
     """
     small = build_cells(cells.points, size)
     n = len(small.cell_key)
-    mean, weights = np.empty((n, 3)), np.empty((n, 7), np.float32)
+    mean, weights = np.empty((n, 3)), np.empty((n, 8), np.float32)
     run_ranges(lambda start, stop: _cluster(small, radius, start, stop, mean, weights), n, size=_RANGE)
     means = build_cells(mean, np.sqrt(POINTS_PER_CELL) * size)
-    return Sources(means, weights[means.order], size)
+    return Clusters(means, weights[means.order], size)
 
 
 @kernel
@@ -75,3 +83,190 @@ def _cluster(cells, radius, start, stop, mean, weights):
             zz += dz * dz
         w = weights[c]
         w[0], w[1], w[2], w[3], w[4], w[5], w[6] = n, xx, xy, xz, yy, yz, zz
+        w[7] = 1.0 / (np.sqrt(6.0 * (xx + yy + zz) / n) + 1e-6)
+
+
+@kernel
+def gather_clusters(clusters, low, high, radius, centre, runs, indices, table):
+    """Copy the clusters that balls about the points of a box may hold, and their sums about its centre, in units of the radius.
+
+    Parameters
+    ----------
+    clusters : Clusters
+    low, high : (3,) float64
+        Corners of the box; they come back moved apart by the radius.
+    radius : float
+        In the points' unit.
+    centre : (3,) float64
+        Receives the centre of the box.
+    runs, indices : (K, 2), (K,) int64
+        Scratch; larger arrays are returned where they are too small.
+    table : (CLUSTER_ROWS, M) float32
+        Receives the clusters; a larger array is returned where it is too small.
+
+    Returns
+    -------
+    runs, indices, table : arrays
+    n : int
+        How many columns are filled: a multiple of `LANES`, the last ones with clusters of no points.
+    """
+    half = np.empty(3)
+    reach = radius + 0.5 * clusters.size
+    for k in range(3):
+        centre[k] = 0.5 * (low[k] + high[k])
+        half[k] = 0.5 * (high[k] - low[k])
+        low[k] -= reach
+        high[k] += reach
+    means, weights = clusters.cells.points, clusters.weights
+    runs, n_runs, room = runs_in_box(clusters.cells, low, high, runs)
+    if room + LANES > len(indices):
+        indices = np.empty(2 * room + LANES, np.int64)
+        table = np.empty((len(table), (2 * room // LANES + 2 | 1) * LANES), np.float32)
+    n = list_near(means, runs, n_runs, centre, half, reach, indices)
+    scale = 1.0 / radius
+    for j in range(n):
+        i = indices[j]
+        x, y, z = np.float32((means[i, 0] - centre[0]) * scale), np.float32((means[i, 1] - centre[1]) * scale), np.float32((means[i, 2] - centre[2]) * scale)
+        w = weights[i, 0]
+        wx, wy, wz = w * x, w * y, w * z
+        table[0, j], table[1, j], table[2, j] = x, y, z
+        table[7, j], table[8, j], table[9, j] = wx, wy, wz
+        table[10, j], table[11, j], table[12, j] = wx * x + weights[i, 1], wx * y + weights[i, 2], wx * z + weights[i, 3]
+        table[13, j], table[14, j], table[15, j] = wy * y + weights[i, 4], wy * z + weights[i, 5], wz * z + weights[i, 6]
+        for k in range(8):
+            table[_WEIGHTS + k, j] = weights[i, k]
+    filled = -(-n // LANES) * LANES
+    table[:, n:filled] = 0.0
+    return runs, indices, table, filled
+
+
+@kernel
+def ball_sums_of_clusters(table, n, local, m, sums):
+    """Sum the clusters of the balls of radius 1 about m points (3, m), each about its own point, into (10, m)."""
+    x, y, z, share = table[0], table[1], table[2], table[_SHARES]
+    weight, xx, xy, xz, yy, yz, zz = table[16], table[17], table[18], table[19], table[20], table[21], table[22]
+    s0, s1, s2, s3, s4, s5, s6, s7, s8 = table[7], table[8], table[9], table[10], table[11], table[12], table[13], table[14], table[15]
+    shared = np.empty(10)
+    for q in range(m):
+        _share_of_ball(x, y, z, n, local[0, q], local[1, q], local[2, q], weight, xx, xy, xz, yy, yz, zz, share)
+        _two_by_five(share, share, s0, s1, s2, s3, s4, n, sums, q, q, 0)
+        _two_by_five(share, share, s5, s6, s7, s8, weight, n, sums, q, q, 5)
+        for k in range(10):
+            shared[k] = sums[k, q]
+            sums[k, q] = 0.0
+        add_shifted(shared, local, q, q + 1, sums)
+
+
+@inlined
+def _share_of_ball(x, y, z, n, px, py, pz, weight, cxx, cxy, cxz, cyy, cyz, czz, share):
+    """Write which share of each cluster is closer than 1 to p: that of a uniform distribution as wide, towards p, as its own."""
+    zero, half, one = np.float32(0.0), np.float32(0.5), np.float32(1.0)
+    for j in range(n):
+        dx, dy, dz = x[j] - px, y[j] - py, z[j] - pz
+        square = dx * dx + dy * dy + dz * dz
+        ax = cxx[j] * dx + cxy[j] * dy + cxz[j] * dz
+        ay = cxy[j] * dx + cyy[j] * dy + cyz[j] * dz
+        az = cxz[j] * dx + cyz[j] * dy + czz[j] * dz
+        # (1 − d) d = d − d², and the variance along d is dᵀCd / (w d²), of a uniform distribution width² / 12.
+        spread = np.sqrt(np.float32(12.0) * (ax * dx + ay * dy + az * dz) / (weight[j] + _TINY)) + _TINY
+        depth = (np.sqrt(square) - square) / spread + half
+        share[j] = one if depth > one else (depth if depth > zero else zero)
+
+
+@kernel
+def sector_sums_of_clusters(table, n, local, planes, borders, m, sums):
+    """Sum the clusters of each sector of the balls of radius 1 about m points, about the centre of the table.
+
+    Parameters
+    ----------
+    table : (CLUSTER_ROWS, M) float32
+        As filled by `gather_clusters`.
+    n : int
+        Columns filled.
+    local : (3, m) float32
+        The points, as the table has them.
+    planes : (7, m) float64
+        The planes of their balls.
+    borders : (g, 2) float32
+        Directions of the borders of sectors in the planes' principal frames.
+    m : int
+        Number of points.
+    sums : (10, m * g) float64
+        Receives the sums of each sector of each point.
+
+    Notes
+    -----
+    A cluster is divided among four sectors as a square plate would be; other sectors hold the clusters whose mean they hold.
+    """
+    g = len(borders)
+    x, y, z, weight, dense = table[0], table[1], table[2], table[16], table[23]
+    wa, wb, wc, wd = table[3], table[4], table[5], table[6]
+    s0, s1, s2, s3, s4, s5, s6, s7, s8 = table[7], table[8], table[9], table[10], table[11], table[12], table[13], table[14], table[15]
+    for q in range(m):
+        px, py, pz = local[0, q], local[1, q], local[2, q]
+        ex, ey, ez = np.float32(planes[3, q]), np.float32(planes[4, q]), np.float32(planes[5, q])
+        fx = np.float32(planes[1, q] * planes[5, q] - planes[2, q] * planes[4, q])
+        fy = np.float32(planes[2, q] * planes[3, q] - planes[0, q] * planes[5, q])
+        fz = np.float32(planes[0, q] * planes[4, q] - planes[1, q] * planes[3, q])
+        if g == 4:
+            _share_of_quadrants(x, y, z, dense, n, px, py, pz, ex, ey, ez, fx, fy, fz, wa, wb, wc, wd)
+            _two_by_five(wa, wb, s0, s1, s2, s3, s4, n, sums, 4 * q, 4 * q + 1, 0)
+            _two_by_five(wa, wb, s5, s6, s7, s8, weight, n, sums, 4 * q, 4 * q + 1, 5)
+            _two_by_five(wc, wd, s0, s1, s2, s3, s4, n, sums, 4 * q + 2, 4 * q + 3, 0)
+            _two_by_five(wc, wd, s5, s6, s7, s8, weight, n, sums, 4 * q + 2, 4 * q + 3, 5)
+            continue
+        for s in range(g):
+            a, b = borders[s], borders[(s + 1) % g]
+            # Left of the one border and right of the next.
+            ux, uy, uz = a[0] * fx - a[1] * ex, a[0] * fy - a[1] * ey, a[0] * fz - a[1] * ez
+            vx, vy, vz = b[1] * ex - b[0] * fx, b[1] * ey - b[0] * fy, b[1] * ez - b[0] * fz
+            _share_of_wedge(x, y, z, dense, n, px, py, pz, ux, uy, uz, vx, vy, vz, wa)
+            _two_by_five(wa, wa, s0, s1, s2, s3, s4, n, sums, g * q + s, g * q + s, 0)
+            _two_by_five(wa, wa, s5, s6, s7, s8, weight, n, sums, g * q + s, g * q + s, 5)
+
+
+@inlined
+def _share_of_quadrants(x, y, z, dense, n, px, py, pz, ux, uy, uz, vx, vy, vz, wa, wb, wc, wd):
+    zero, half, one = np.float32(0.0), np.float32(0.5), np.float32(1.0)
+    for j in range(n):
+        dx, dy, dz = x[j] - px, y[j] - py, z[j] - pz
+        # 1 − d is (1 − d²) / 2 near the sphere.
+        s = half * dense[j] * (one - dx * dx - dy * dy - dz * dz) + half
+        u, v = dense[j] * (ux * dx + uy * dy + uz * dz) + half, dense[j] * (vx * dx + vy * dy + vz * dz) + half
+        s = one if s > one else (s if s > zero else zero)
+        u = one if u > one else (u if u > zero else zero)
+        v = one if v > one else (v if v > zero else zero)
+        su, sv = s * u, s * v
+        suv = su * v
+        wa[j], wb[j], wc[j], wd[j] = suv, su - suv, sv - suv, s - su - sv + suv
+
+
+@inlined
+def _share_of_wedge(x, y, z, dense, n, px, py, pz, ux, uy, uz, vx, vy, vz, share):
+    zero, half, one = np.float32(0.0), np.float32(0.5), np.float32(1.0)
+    for j in range(n):
+        dx, dy, dz = x[j] - px, y[j] - py, z[j] - pz
+        s = half * dense[j] * (one - dx * dx - dy * dy - dz * dz) + half
+        s = one if s > one else (s if s > zero else zero)
+        share[j] = s if min(ux * dx + uy * dy + uz * dz, vx * dx + vy * dy + vz * dz) > zero else zero
+
+
+@inlined
+def _two_by_five(u, v, a, b, c, d, e, n, sums, i, j, row):
+    """Write the products of two rows of shares with five rows of sums into five rows of columns i and j."""
+    zero = np.float32(0.0)
+    ua, ub, uc, ud, ue = zero, zero, zero, zero, zero
+    va, vb, vc, vd, ve = zero, zero, zero, zero, zero
+    for k in range(n):
+        ua += u[k] * a[k]
+        ub += u[k] * b[k]
+        uc += u[k] * c[k]
+        ud += u[k] * d[k]
+        ue += u[k] * e[k]
+        va += v[k] * a[k]
+        vb += v[k] * b[k]
+        vc += v[k] * c[k]
+        vd += v[k] * d[k]
+        ve += v[k] * e[k]
+    sums[row, j], sums[row + 1, j], sums[row + 2, j], sums[row + 3, j], sums[row + 4, j] = va, vb, vc, vd, ve
+    sums[row, i], sums[row + 1, i], sums[row + 2, i], sums[row + 3, i], sums[row + 4, i] = ua, ub, uc, ud, ue
