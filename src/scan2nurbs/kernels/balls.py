@@ -101,29 +101,28 @@ def _sum_all(x, y, z, start, stop, sums):
 
 
 @kernel
-def sector_sums(table, filled, local, planes, balls, borders, m, limit, sums):
-    """Sum the moments of the sectors of the balls about m points, each about its own point.
+def sector_sums(table, filled, local, planes, balls, borders, chosen, n_chosen, limit, sums):
+    """Sum the moments of the sectors of the balls about some of m points, each about its own point.
 
     Parameters
     ----------
-    table, filled, local, m, limit
+    table, filled, local, limit
         As for `ball_sums`; row 3 of the table is scratch.
     planes : (7, m) float64
-        The balls' planes; balls without one, or with too few points for two sectors with a plane, have empty sectors.
+        The balls' planes.
     balls : (10, m) float64
         The balls' sums.
     borders : (g, 2) float32
         Directions of the borders of sectors in the planes' principal frames.
+    chosen, n_chosen : (m,) int64, int
+        Which of the points, and how many.
     sums : (10, m * g) float64
         Receives the sums of each sector of each ball: of the points between its borders. The point itself is on all of them.
     """
     g = len(borders)
     x, y, z, sector = table[0], table[1], table[2], table[3]
-    for q in range(m):
-        first = g * q
-        if np.isnan(planes[0, q]) or balls[9, q] < 5.0:
-            sums[9, first : first + g] = 0.0  # two sectors with a plane hold two points each besides p
-            continue
+    for c in range(n_chosen):
+        q, first = chosen[c], g * c
         px, py, pz = local[0, q], local[1, q], local[2, q]
         on_border = _mark_sectors(x, y, z, filled, px, py, pz, limit, borders, planes, q, sector)
         few = FEW * balls[9, q]

@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from scan2nurbs.kernels.balls import add_shifted
 from scan2nurbs.kernels.candidates import LANES, list_near
-from scan2nurbs.kernels.cells import POINTS_PER_CELL, Cells, build_cells, runs_in_box
+from scan2nurbs.kernels.cells import Cells, build_cells, runs_in_box
 from scan2nurbs.kernels.runner import inlined, kernel, run_ranges
 
 _RANGE = 1 << 12
+_MOST_PARTS = 8
 _TINY = np.float32(1e-9)
 
 # Rows of a table of clusters: x, y, z of the mean, four rows of shares, nine of sums about the centre of the table (x to zz), and
@@ -41,7 +42,7 @@ class Clusters(NamedTuple):
 
 
 def cluster(cells: Cells, size: float, radius: float) -> Clusters:
-    """Sum up the points by cells of edge length `size`.
+    """Sum up the points by cubes of an edge length near `size`: parts of cells, or larger cells.
 
     Parameters
     ----------
@@ -52,38 +53,67 @@ def cluster(cells: Cells, size: float, radius: float) -> Clusters:
     radius : float
         The unit of the weights' lengths.
     """
-    small = build_cells(cells.points, size)
-    n = len(small.cell_key)
-    mean, weights = np.empty((n, 3)), np.empty((n, 8), np.float32)
-    run_ranges(lambda start, stop: _cluster(small, radius, start, stop, mean, weights), n, size=_RANGE)
-    means = build_cells(mean, np.sqrt(POINTS_PER_CELL) * size)
-    return Clusters(means, weights[means.order], size)
+    if size > 1.5 * cells.size:
+        cells = build_cells(cells.points, size)
+    parts = min(max(round(cells.size / size), 1), _MOST_PARTS)
+    n = len(cells.cell_key)
+    counts = np.empty(n, np.int64)
+    nothing, no_weights = np.empty((0, 3)), np.empty((0, 8), np.float32)
+    run_ranges(lambda start, stop: _cluster(cells, parts, radius, start, stop, counts, nothing, no_weights), n, size=_RANGE)
+    starts = np.concatenate([[0], np.cumsum(counts)])
+    mean, weights = np.empty((starts[-1], 3)), np.empty((starts[-1], 8), np.float32)
+    run_ranges(lambda start, stop: _cluster(cells, parts, radius, start, stop, starts, mean, weights), n, size=_RANGE)
+    means = cells._replace(points=mean, order=np.empty(0, np.int32), cell_start=starts)
+    return Clusters(means, weights, cells.size / parts)
 
 
 @kernel
-def _cluster(cells, radius, start, stop, mean, weights):
-    points = cells.points
-    for c in range(start, stop):
-        first, end = cells.cell_start[c], cells.cell_start[c + 1]
-        sx, sy, sz = 0.0, 0.0, 0.0
-        for i in range(first, end):
-            sx += points[i, 0] - points[first, 0]
-            sy += points[i, 1] - points[first, 1]
-            sz += points[i, 2] - points[first, 2]
-        n = float(end - first)
-        mean[c, 0], mean[c, 1], mean[c, 2] = points[first, 0] + sx / n, points[first, 1] + sy / n, points[first, 2] + sz / n
-        xx, xy, xz, yy, yz, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        for i in range(first, end):
-            dx, dy, dz = (points[i, 0] - mean[c, 0]) / radius, (points[i, 1] - mean[c, 1]) / radius, (points[i, 2] - mean[c, 2]) / radius
-            xx += dx * dx
-            xy += dx * dy
-            xz += dx * dz
-            yy += dy * dy
-            yz += dy * dz
-            zz += dz * dz
-        w = weights[c]
-        w[0], w[1], w[2], w[3], w[4], w[5], w[6] = n, xx, xy, xz, yy, yz, zz
-        w[7] = 1.0 / (np.sqrt(6.0 * (xx + yy + zz) / n) + 1e-6)
+def _cluster(cells, parts, radius, start, stop, starts, mean, weights):
+    """Count the clusters of cells; or, where there is room for them, write them from each cell's start on."""
+    points, scale = cells.points, 1.0 / radius
+    sums = np.empty((parts**3, 10))
+    for cell in range(start, stop):
+        key = cells.cell_key[cell]
+        ix, iy, iz = key % cells.shape[0], key // cells.shape[0] % cells.shape[1], key // (cells.shape[0] * cells.shape[1])
+        x, y, z = cells.low[0] + ix * cells.size, cells.low[1] + iy * cells.size, cells.low[2] + iz * cells.size
+        sums[:] = 0.0
+        for i in range(cells.cell_start[cell], cells.cell_start[cell + 1]):
+            dx, dy, dz = points[i, 0] - x, points[i, 1] - y, points[i, 2] - z
+            px, py, pz = parts * dx / cells.size, parts * dy / cells.size, parts * dz / cells.size
+            px, py, pz = min(max(int(px), 0), parts - 1), min(max(int(py), 0), parts - 1), min(max(int(pz), 0), parts - 1)
+            s = sums[(pz * parts + py) * parts + px]
+            dx, dy, dz = dx * scale, dy * scale, dz * scale
+            s[0] += 1.0
+            s[1] += dx
+            s[2] += dy
+            s[3] += dz
+            s[4] += dx * dx
+            s[5] += dx * dy
+            s[6] += dx * dz
+            s[7] += dy * dy
+            s[8] += dy * dz
+            s[9] += dz * dz
+        n = 0
+        for part in range(len(sums)):
+            s = sums[part]
+            if s[0] == 0.0:
+                continue
+            if len(mean) > 0:
+                _describe(s, x, y, z, radius, mean[starts[cell] + n], weights[starts[cell] + n])
+            n += 1
+        if len(mean) == 0:
+            starts[cell] = n
+
+
+@inlined
+def _describe(s, x, y, z, radius, mean, weights):
+    count = s[0]
+    mx, my, mz = s[1] / count, s[2] / count, s[3] / count
+    mean[0], mean[1], mean[2] = x + radius * mx, y + radius * my, z + radius * mz
+    xx, xy, xz = max(s[4] - mx * s[1], 0.0), s[5] - mx * s[2], s[6] - mx * s[3]
+    yy, yz, zz = max(s[7] - my * s[2], 0.0), s[8] - my * s[3], max(s[9] - mz * s[3], 0.0)
+    weights[0], weights[1], weights[2], weights[3], weights[4], weights[5], weights[6] = count, xx, xy, xz, yy, yz, zz
+    weights[7] = 1.0 / (np.sqrt(6.0 * (xx + yy + zz) / count) + 1e-6)
 
 
 @kernel
@@ -121,12 +151,16 @@ def gather_clusters(clusters, low, high, radius, centre, runs, indices, table):
     runs, n_runs, room = runs_in_box(clusters.cells, low, high, runs)
     if room + LANES > len(indices):
         indices = np.empty(2 * room + LANES, np.int64)
-        table = np.empty((len(table), (2 * room // LANES + 2 | 1) * LANES), np.float32)
     n = list_near(means, runs, n_runs, centre, half, reach, indices)
+    if n + LANES > table.shape[1]:
+        # As narrow as can be, so that all rows fit into the first-level cache.
+        table = np.empty((len(table), (n // LANES + 2 | 1) * LANES), np.float32)
     scale = 1.0 / radius
     for j in range(n):
         i = indices[j]
-        x, y, z = np.float32((means[i, 0] - centre[0]) * scale), np.float32((means[i, 1] - centre[1]) * scale), np.float32((means[i, 2] - centre[2]) * scale)
+        x = np.float32((means[i, 0] - centre[0]) * scale)
+        y = np.float32((means[i, 1] - centre[1]) * scale)
+        z = np.float32((means[i, 2] - centre[2]) * scale)
         w = weights[i, 0]
         wx, wy, wz = w * x, w * y, w * z
         table[0, j], table[1, j], table[2, j] = x, y, z
@@ -174,8 +208,8 @@ def _share_of_ball(x, y, z, n, px, py, pz, weight, cxx, cxy, cxz, cyy, cyz, czz,
 
 
 @kernel
-def sector_sums_of_clusters(table, n, local, planes, borders, m, sums):
-    """Sum the clusters of each sector of the balls of radius 1 about m points, about the centre of the table.
+def sector_sums_of_clusters(table, n, local, planes, borders, chosen, n_chosen, sums):
+    """Sum the clusters of each sector of the balls of radius 1 about some points, about the centre of the table.
 
     Parameters
     ----------
@@ -189,10 +223,12 @@ def sector_sums_of_clusters(table, n, local, planes, borders, m, sums):
         The planes of their balls.
     borders : (g, 2) float32
         Directions of the borders of sectors in the planes' principal frames.
-    m : int
-        Number of points.
+    chosen : (m,) int64
+        Which of the m points.
+    n_chosen : int
+        How many.
     sums : (10, m * g) float64
-        Receives the sums of each sector of each point.
+        Receives the sums of each sector of each chosen point.
 
     Notes
     -----
@@ -202,7 +238,8 @@ def sector_sums_of_clusters(table, n, local, planes, borders, m, sums):
     x, y, z, weight, dense = table[0], table[1], table[2], table[16], table[23]
     wa, wb, wc, wd = table[3], table[4], table[5], table[6]
     s0, s1, s2, s3, s4, s5, s6, s7, s8 = table[7], table[8], table[9], table[10], table[11], table[12], table[13], table[14], table[15]
-    for q in range(m):
+    for c in range(n_chosen):
+        q, first = chosen[c], g * c
         px, py, pz = local[0, q], local[1, q], local[2, q]
         ex, ey, ez = np.float32(planes[3, q]), np.float32(planes[4, q]), np.float32(planes[5, q])
         fx = np.float32(planes[1, q] * planes[5, q] - planes[2, q] * planes[4, q])
@@ -210,10 +247,10 @@ def sector_sums_of_clusters(table, n, local, planes, borders, m, sums):
         fz = np.float32(planes[0, q] * planes[4, q] - planes[1, q] * planes[3, q])
         if g == 4:
             _share_of_quadrants(x, y, z, dense, n, px, py, pz, ex, ey, ez, fx, fy, fz, wa, wb, wc, wd)
-            _two_by_five(wa, wb, s0, s1, s2, s3, s4, n, sums, 4 * q, 4 * q + 1, 0)
-            _two_by_five(wa, wb, s5, s6, s7, s8, weight, n, sums, 4 * q, 4 * q + 1, 5)
-            _two_by_five(wc, wd, s0, s1, s2, s3, s4, n, sums, 4 * q + 2, 4 * q + 3, 0)
-            _two_by_five(wc, wd, s5, s6, s7, s8, weight, n, sums, 4 * q + 2, 4 * q + 3, 5)
+            _two_by_five(wa, wb, s0, s1, s2, s3, s4, n, sums, first, first + 1, 0)
+            _two_by_five(wa, wb, s5, s6, s7, s8, weight, n, sums, first, first + 1, 5)
+            _two_by_five(wc, wd, s0, s1, s2, s3, s4, n, sums, first + 2, first + 3, 0)
+            _two_by_five(wc, wd, s5, s6, s7, s8, weight, n, sums, first + 2, first + 3, 5)
             continue
         for s in range(g):
             a, b = borders[s], borders[(s + 1) % g]
@@ -221,8 +258,8 @@ def sector_sums_of_clusters(table, n, local, planes, borders, m, sums):
             ux, uy, uz = a[0] * fx - a[1] * ex, a[0] * fy - a[1] * ey, a[0] * fz - a[1] * ez
             vx, vy, vz = b[1] * ex - b[0] * fx, b[1] * ey - b[0] * fy, b[1] * ez - b[0] * fz
             _share_of_wedge(x, y, z, dense, n, px, py, pz, ux, uy, uz, vx, vy, vz, wa)
-            _two_by_five(wa, wa, s0, s1, s2, s3, s4, n, sums, g * q + s, g * q + s, 0)
-            _two_by_five(wa, wa, s5, s6, s7, s8, weight, n, sums, g * q + s, g * q + s, 5)
+            _two_by_five(wa, wa, s0, s1, s2, s3, s4, n, sums, first + s, first + s, 0)
+            _two_by_five(wa, wa, s5, s6, s7, s8, weight, n, sums, first + s, first + s, 5)
 
 
 @inlined

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scan2nurbs.kernels.balls import POINT_ROWS, ball_sums, sector_sums
-from scan2nurbs.kernels.candidates import COLUMNS, bounds, gather_ball
+from scan2nurbs.kernels.candidates import COLUMNS, LANES, bounds, gather_ball
 from scan2nurbs.kernels.cells import Cells
 from scan2nurbs.kernels.clusters import CLUSTER_ROWS, Clusters, ball_sums_of_clusters, cluster, gather_clusters, sector_sums_of_clusters
 from scan2nurbs.kernels.runner import Progress, kernel, run_ranges
@@ -28,7 +28,7 @@ WIDENING = 2.0**0.5
 SPARSE = 12.0
 # Where a cell of this part of the radius would hold so many points on average, it takes their place in the sectors of a ball
 # (about 500 points a ball), or in the ball as well (about 2,000).
-SECTOR_CLUSTER, SECTOR_CLUSTERED = 1.0 / 8.0, 2.5
+SECTOR_CLUSTER, SECTOR_CLUSTERED = 1.0 / 6.0, 4.0
 BALL_CLUSTER, BALL_CLUSTERED = 1.0 / 10.0, 5.0
 
 
@@ -127,9 +127,11 @@ def _ball_planes(cells, clusters, whole, radius, widenings, ahead, borders, todo
     g = len(borders)
     centre, low, high = np.empty(3), np.empty(3), np.empty(3)
     runs, indices = np.empty((64, 2), np.int64), np.empty(COLUMNS, np.int64)
-    table, heap = np.empty((POINT_ROWS, COLUMNS), np.float32), np.empty((CLUSTER_ROWS, COLUMNS), np.float32)
-    pending, local = np.empty(BLOCK, np.int64), np.empty((3, BLOCK), np.float32)
-    sums, planes, sectors, normals = np.empty((10, BLOCK)), np.empty((7, BLOCK)), np.empty((10, BLOCK * g)), np.empty((3, BLOCK * g))
+    table, heap = np.empty((POINT_ROWS, COLUMNS), np.float32), np.empty((CLUSTER_ROWS, LANES), np.float32)
+    pending, chosen, local = np.empty(BLOCK, np.int64), np.empty(BLOCK, np.int64), np.empty((3, BLOCK), np.float32)
+    # Rows a power of two apart would share the same few lines of the cache.
+    sums, planes = np.empty((10, BLOCK + 8)), np.empty((7, BLOCK + 8))
+    sectors, normals = np.empty((10, BLOCK * g + 8)), np.empty((3, BLOCK * g + 8))
     for cell in range(start, stop):
         for first in range(cells.cell_start[cell], cells.cell_start[cell + 1], BLOCK):
             end = min(first + BLOCK, cells.cell_start[cell + 1])
@@ -143,7 +145,7 @@ def _ball_planes(cells, clusters, whole, radius, widenings, ahead, borders, todo
                     bounds(cells.points, first, end, low, high)
                     runs, indices, heap, n_clusters = gather_clusters(clusters, low, high, radius, centre, runs, indices, heap)
                 if not by_clusters and reach > 1.0001 * unit:
-                    unit = reach * WIDENING**ahead
+                    unit = reach * WIDENING ** min(ahead, widenings - step)
                     bounds(cells.points, first, end, low, high)
                     runs, table, border, filled = gather_ball(cells, low, high, reach, unit, 1.0 / unit, centre, runs, table)
                 scale = 1.0 / (radius if by_clusters else unit)
@@ -155,13 +157,14 @@ def _ball_planes(cells, clusters, whole, radius, widenings, ahead, borders, todo
                     ball_sums(table, border, filled, local, m, limit, sums)
                 planes_of_moments(sums, m, planes)
                 if step == 0 and g > 0:
+                    n_chosen = _choose(sums, planes, m, chosen)
                     if clusters.size > 0.0:
-                        sector_sums_of_clusters(heap, n_clusters, local, planes, borders, m, sectors)
+                        sector_sums_of_clusters(heap, n_clusters, local, planes, borders, chosen, n_chosen, sectors)
                     else:
-                        sector_sums(table, filled, local, planes, sums, borders, m, limit, sectors)
-                    _add_the_point(local, m, clusters.size > 0.0, g, sectors)
-                    normals_of_moments(sectors, m * g, normals)
-                    _write_sector_angles(pending, m, normals, planes, g, out)
+                        sector_sums(table, filled, local, planes, sums, borders, chosen, n_chosen, limit, sectors)
+                    _add_the_point(local, chosen, n_chosen, clusters.size > 0.0, g, sectors)
+                    normals_of_moments(sectors, n_chosen * g, normals)
+                    _write_sector_angles(pending, chosen, n_chosen, normals, g, out)
                 m = _write_planes(pending, m, step, 1.0 / scale, sums, planes, out)
                 reach *= WIDENING
 
@@ -194,11 +197,22 @@ def _localize(points, pending, m, centre, scale, local):
 
 
 @kernel
-def _add_the_point(local, m, about_centre, g, sectors):
-    """Add each point to all of its sectors: about itself it adds nothing but one to their counts."""
+def _choose(sums, planes, m, chosen):
+    """List the balls with a plane that may hold two sectors with a plane, each of which holds two points besides its own."""
+    n = 0
     for q in range(m):
+        chosen[n] = q
+        n += (sums[9, q] >= 5.0) & (not np.isnan(planes[0, q]))
+    return n
+
+
+@kernel
+def _add_the_point(local, chosen, n_chosen, about_centre, g, sectors):
+    """Add each point to all of its sectors: about itself it adds nothing but one to their counts."""
+    for c in range(n_chosen):
+        q = chosen[c]
         x, y, z = np.float64(local[0, q]), np.float64(local[1, q]), np.float64(local[2, q])
-        for s in range(g * q, g * q + g):
+        for s in range(g * c, g * c + g):
             sectors[9, s] += 1.0
             if about_centre:
                 sectors[0, s] += x
@@ -213,16 +227,16 @@ def _add_the_point(local, m, about_centre, g, sectors):
 
 
 @kernel
-def _write_sector_angles(pending, m, normals, planes, g, out):
+def _write_sector_angles(pending, chosen, n_chosen, normals, g, out):
     """Write the largest angle between the planes of two sectors (paper, Algorithm 1 and eq. 2.3), in degrees."""
-    for q in range(m):
+    for c in range(n_chosen):
         least = np.inf
-        for s in range(g * q, g * q + g):
-            for t in range(g * q, s):
+        for s in range(g * c, g * c + g):
+            for t in range(g * c, s):
                 dot = abs(normals[0, s] * normals[0, t] + normals[1, s] * normals[1, t] + normals[2, s] * normals[2, t])
                 least = dot if dot < least else least  # false for NaN
-        if least < np.inf and not np.isnan(planes[0, q]):
-            out.sector_angle[pending[q]] = np.degrees(np.arccos(min(least, 1.0)))
+        if least < np.inf:
+            out.sector_angle[pending[chosen[c]]] = np.degrees(np.arccos(min(least, 1.0)))
 
 
 @kernel

@@ -109,12 +109,14 @@ def _nearest_distance(cells, start_reach, start, stop, out):
 def _least_square(x, y, z, n, px, py, pz):
     """Return the least squared distance that is not 0."""
     # Positive numbers are ordered as the integers of the same bits; only minima of integers become vector instructions here.
-    least = np.float64(np.inf).view(np.int64)
+    most = np.float64(np.inf).view(np.int64)
+    least = most
     for j in range(n):
         dx, dy, dz = x[j] - px, y[j] - py, z[j] - pz
         square = dx * dx + dy * dy + dz * dz
         bits = np.float64(square).view(np.int64)
-        least = min(least, bits if square > 0.0 else least)
+        bits = bits if square > 0.0 else most
+        least = bits if bits < least else least
     return np.int64(least).view(np.float64)
 
 

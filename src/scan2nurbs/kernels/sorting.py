@@ -40,7 +40,9 @@ def radix_argsort(keys: NDArray[np.int64], bound: int) -> tuple[NDArray[np.int32
         places = np.ascontiguousarray(ends - counts)
         moved, moved_keys = np.empty(n, np.int32), np.empty(n, np.int64)
         run_ranges(
-            lambda start, stop, k=keys, o=order, s=shift, p=places, m=moved, mk=moved_keys: _move(k, o, s, start, stop, p[start // _RANGE], m, mk),
+            lambda start, stop, k=keys, o=order, s=shift, p=places, m=moved, mk=moved_keys: _move(
+                k, o, s, start, stop, p[start // _RANGE], m, mk
+            ),
             n,
             size=_RANGE,
         )
