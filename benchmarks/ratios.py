@@ -107,7 +107,7 @@ def main(arguments: list[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     set_threads(THREADS)
     print(*ratios(options.size, options.rounds), sep="\n", flush=True)
-    print(*cluster_errors(min(options.size, 300_000)), sep="\n", flush=True)
+    print(*cluster_errors(min(options.size, 150_000)), sep="\n", flush=True)
 
 
 if __name__ == "__main__":

@@ -148,7 +148,8 @@ def _mark_sectors(x, y, z, n, px, py, pz, limit, borders, planes, q, sector):
     fz = np.float32(planes[0, q] * planes[4, q] - planes[1, q] * planes[3, q])
     if len(borders) == 4:
         return _mark_quadrants(x, y, z, n, px, py, pz, limit, ex, ey, ez, fx, fy, fz, sector)
-    sector[:n] = np.float32(0.0)
+    for j in range(n):
+        sector[j] = np.float32(0.0)
     for s in range(len(borders)):
         a, b = borders[s], borders[(s + 1) % len(borders)]
         # Left of the one border and right of the next.

@@ -72,7 +72,8 @@ def gather(cells, low, high, reach, scale, centre, runs, table):
 def _fill_up(x, y, z, n):
     """Fill up the last vector with points far away; return the number of columns then."""
     filled = -(-n // LANES) * LANES
-    x[n:filled], y[n:filled], z[n:filled] = FAR, FAR, FAR
+    for j in range(n, filled):
+        x[j], y[j], z[j] = FAR, FAR, FAR
     return filled
 
 
@@ -129,8 +130,10 @@ def gather_ball(cells, low, high, inner, reach, scale, centre, runs, table):
             _sort_out(len(run), near_x, near_y, near_z, box, outer_limit, inner_limit, kind)
             left, right = _split(len(run), near_x, near_y, near_z, kind, left, right, x, y, z)
     border = _fill_up(x, y, z, np.int64(left))
-    n = border + np.int64(last - right)
-    x[border:n], y[border:n], z[border:n] = x[right + 1 :], y[right + 1 :], z[right + 1 :]
+    n = border
+    for j in range(np.int64(right) + 1, np.int64(last) + 1):
+        x[n], y[n], z[n] = x[j], y[j], z[j]
+        n += 1
     return runs, table, border, _fill_up(x, y, z, n)
 
 

@@ -98,7 +98,8 @@ def extremes(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[
 
 @kernel
 def _extremes(points, start, stop, low, high):
-    low[:], high[:] = np.inf, -np.inf
+    for k in range(3):
+        low[k], high[k] = np.inf, -np.inf
     bad = 0
     for i in range(start, stop):
         finite = np.isfinite(points[i, 0]) & np.isfinite(points[i, 1]) & np.isfinite(points[i, 2])
@@ -197,7 +198,8 @@ def runs_in_box(cells, low, high, runs):
             if b > a:
                 if n_runs == len(runs):
                     larger = np.empty((2 * n_runs, 2), np.int64)
-                    larger[:n_runs] = runs
+                    for k in range(n_runs):
+                        larger[k, 0], larger[k, 1] = runs[k, 0], runs[k, 1]
                     runs = larger
                 runs[n_runs, 0], runs[n_runs, 1] = cells.cell_start[a], cells.cell_start[b]
                 n_points += runs[n_runs, 1] - runs[n_runs, 0]

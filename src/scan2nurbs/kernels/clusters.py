@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -42,7 +43,7 @@ class Clusters(NamedTuple):
 
 
 def cluster(cells: Cells, size: float, radius: float) -> Clusters:
-    """Sum up the points by cubes of an edge length near `size`: parts of cells, or larger cells.
+    """Sum up the points by cubes of an edge length of at most 1.2 `size`: parts of cells, or cells of their own.
 
     Parameters
     ----------
@@ -53,9 +54,9 @@ def cluster(cells: Cells, size: float, radius: float) -> Clusters:
     radius : float
         The unit of the weights' lengths.
     """
-    if size > 1.5 * cells.size:
+    if not 0.75 * size <= cells.size <= _MOST_PARTS * size:
         cells = build_cells(cells.points, size)
-    parts = min(max(round(cells.size / size), 1), _MOST_PARTS)
+    parts = max(math.ceil(cells.size / size - 0.2), 1)
     n = len(cells.cell_key)
     counts = np.empty(n, np.int64)
     nothing, no_weights = np.empty((0, 3)), np.empty((0, 8), np.float32)
@@ -76,7 +77,9 @@ def _cluster(cells, parts, radius, start, stop, starts, mean, weights):
         key = cells.cell_key[cell]
         ix, iy, iz = key % cells.shape[0], key // cells.shape[0] % cells.shape[1], key // (cells.shape[0] * cells.shape[1])
         x, y, z = cells.low[0] + ix * cells.size, cells.low[1] + iy * cells.size, cells.low[2] + iz * cells.size
-        sums[:] = 0.0
+        for part in range(parts**3):
+            for k in range(10):
+                sums[part, k] = 0.0
         for i in range(cells.cell_start[cell], cells.cell_start[cell + 1]):
             dx, dy, dz = points[i, 0] - x, points[i, 1] - y, points[i, 2] - z
             px, py, pz = parts * dx / cells.size, parts * dy / cells.size, parts * dz / cells.size
@@ -170,7 +173,9 @@ def gather_clusters(clusters, low, high, radius, centre, runs, indices, table):
         for k in range(8):
             table[_WEIGHTS + k, j] = weights[i, k]
     filled = -(-n // LANES) * LANES
-    table[:, n:filled] = 0.0
+    for k in range(CLUSTER_ROWS):
+        for j in range(n, filled):
+            table[k, j] = 0.0
     return runs, indices, table, filled
 
 

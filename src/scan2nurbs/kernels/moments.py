@@ -1,8 +1,10 @@
 """Normals at a radius, and what VDN compares: planes of sectors of a ball, from streamed sums.
 
-For each cell the candidates within reach are gathered once, as float32 relative to the cell's centre and in units of the
-radius; each point of the cell then makes branch-free passes over them: which lie in its ball, in which sector of it, and the
-sums of each sector. No neighbour is ever listed. Where balls hold thousands of points the candidates are clusters of them.
+For each block of points, those of a cell, the candidates within reach are gathered once, as float32 relative to the block's centre
+and in units of the radius. What all balls of the block hold is summed once; each point then makes branch-free passes over the rest.
+The planes of all balls of a block, and of all their sectors, are found at once, so that they share vector instructions. No neighbour
+is ever listed. Where balls hold hundreds of points the candidates of sectors are clusters of them, and of balls where they hold
+thousands.
 """
 
 from __future__ import annotations
@@ -26,10 +28,10 @@ BLOCK = 64
 WIDENING = 2.0**0.5
 # Where fewer points than this are expected in a ball, the table serves two widenings too.
 SPARSE = 12.0
-# Where a cell of this part of the radius would hold so many points on average, it takes their place in the sectors of a ball
-# (about 500 points a ball), or in the ball as well (about 2,000).
-SECTOR_CLUSTER, SECTOR_CLUSTERED = 1.0 / 6.0, 4.0
-BALL_CLUSTER, BALL_CLUSTERED = 1.0 / 10.0, 5.0
+# Where a cube of this part of the radius would hold so many points on average, it takes their place in the sectors of a ball (about
+# 500 points a ball), or in the ball as well (about 1,300).
+SECTOR_CLUSTER, SECTOR_CLUSTERED = 1.0 / 5.5, 5.0
+BALL_CLUSTER, BALL_CLUSTERED = 1.0 / 9.0, 5.0
 
 
 class BallPlanes(NamedTuple):
@@ -87,7 +89,8 @@ def ball_planes(
     only_normals : bool
         Whether to leave out `mean` and `variance`.
     exact : bool
-        Whether each point of a ball is summed, however many there are; else thousands of them are summed up by small cells.
+        Whether each point of a ball is summed, however many there are; else small cells stand for the points of its sectors where it
+        holds more than about 500, and for its own where it holds more than about 1,300.
     todo : (N,) bool, optional
         Which sorted points to compute; the others get NaN.
     progress : callable, optional

@@ -52,7 +52,8 @@ def radix_argsort(keys: NDArray[np.int64], bound: int) -> tuple[NDArray[np.int32
 
 @kernel
 def _count(keys, shift, start, stop, count):
-    count[:] = 0
+    for digit in range(len(count)):
+        count[digit] = 0
     part = keys[start:stop]
     for i in range(len(part)):
         count[np.uint64((part[i] >> shift) & 2047)] += 1
