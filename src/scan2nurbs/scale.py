@@ -69,7 +69,7 @@ def measure_scale(points: NDArray[np.float64], *, progress: Progress | None = No
     """
     guess = _guess_spacing(points)
     cells = build_cells(points, math.sqrt(POINTS_PER_CELL) * guess)
-    nearest = nearest_distance(cells, reach=guess, progress=progress)
+    nearest = nearest_distance(cells, reach=1.5 * guess, progress=progress)
     h = _stable_spacing(cells)
     return Scale(spacing=float(nearest.mean()), h=h, noise=estimate_noise(cells, h), cells=cells)
 

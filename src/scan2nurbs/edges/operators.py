@@ -13,6 +13,7 @@ from scan2nurbs.edges.params import EdgeParams
 from scan2nurbs.kernels.cells import Cells
 from scan2nurbs.kernels.one_sided import normal_differences, one_sided_planes
 from scan2nurbs.kernels.runner import Progress
+from scan2nurbs.kernels.symmetric3 import weighted_angles
 
 # One-sided normals: see one_sided().
 NORMAL_PRECISION = math.radians(1.5)
@@ -95,12 +96,7 @@ def edn(dn: NDArray[np.float64], vdn_small: NDArray[np.float64], vdn_large: NDAr
 
     An undefined VDN takes no part in the maximum. Where neither is defined, or DN is not, so is EDN, unless its weight is 0.
     """
-    strength = np.zeros_like(dn)
-    if alpha > 0:
-        strength += alpha * dn
-    if alpha < 1:
-        strength += (1.0 - alpha) * np.fmax(vdn_small, vdn_large)
-    return strength
+    return weighted_angles(dn, vdn_small, vdn_large, alpha)
 
 
 def one_sided(cells: Cells, lengths: Lengths, params: EdgeParams, progress: Progress | None = None) -> Strength:
