@@ -26,8 +26,8 @@ ROUNDED = 1.6
 FACE_CURVATURE, BEND_CURVATURE = 0.1, 0.2
 # The same of the crease: its offset in h, its direction as a slope, and its curvature in 1/h.
 OFFSET, SLOPE, CREASE_CURVATURE = 0.5, 0.2, 0.2
-# Residuals of less than this part of the spacing are no evidence: sampled shapes are never exact quadrics.
-FLOOR = 0.04
+# Residuals of less than this part of the spacing are no evidence: faces are no exact quadrics, and creases no parabolas.
+FLOOR = 0.1
 
 
 class Bends(NamedTuple):
