@@ -8,12 +8,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from scan2nurbs.edges.border import border_points
+from scan2nurbs.edges.border import find_borders
 from scan2nurbs.edges.chains import chain_extent
 from scan2nurbs.edges.operators import Lengths, Strength, compare_planes, one_sided_planes_of
 from scan2nurbs.edges.params import EdgeParams
 from scan2nurbs.kernels.alongside import mean_along, nearest_piece
-from scan2nurbs.kernels.bends import Bends, fit_bends
+from scan2nurbs.kernels.bend_widths import Bends, fit_bends
 from scan2nurbs.kernels.cells import Cells, build_cells
 from scan2nurbs.kernels.creases import fit_wedges
 from scan2nurbs.kernels.runner import Progress
@@ -54,7 +54,7 @@ def crease(cells: Cells, lengths: Lengths, params: EdgeParams, progress: Progres
     Where one-sided normals differ (see `one_sided`), the planes about a point are averaged into two sides, which meet in a line. Bends
     of several widths are fitted to the points about that line, as far as two faces explain them: sharp ones, rounded ones and one
     curved face. The logarithms of their likelihoods are averaged along the crease. Where the sharp bend is likely enough, the
-    points within `reach` of it are on the edge. So are, with 90 degrees, the points where the surface ends (see `border_points`).
+    points within `reach` of it are on the edge. So are, with 90 degrees, the points where the surface ends (see `find_borders`).
 
     Notes
     -----
@@ -62,9 +62,9 @@ def crease(cells: Cells, lengths: Lengths, params: EdgeParams, progress: Progres
     few points to tell in noise, and a wider one other edges; but a crease is long, and what a rounding looks like is the same all
     along it. Candidates are a few per cent of the points, at about 100 µs each.
     """
-    border = border_points(cells, lengths.h, progress)
     planes = one_sided_planes_of(cells, lengths, params, progress)
     candidates = compare_planes(cells, planes, lengths, progress)
+    border = find_borders(cells, candidates.normal, np.full(len(cells.points), lengths.h), lengths.h, lengths.noise).outline
     places = np.flatnonzero(candidates.strength > CANDIDATE)
     meetings = meeting_sides(cells, planes.normals.balls, planes.chosen, places, SIDES * lengths.h)
     window = float(np.clip(WINDOW * math.sqrt(lengths.noise / lengths.h), *WINDOW_RANGE)) * lengths.h

@@ -12,7 +12,7 @@ from scan2nurbs.edges.border import border_points
 from scan2nurbs.edges.chains import chain_extent
 from scan2nurbs.edges.normals import normals_at
 from scan2nurbs.kernels.alongside import mean_along, nearest_piece
-from scan2nurbs.kernels.bends import fit_bends
+from scan2nurbs.kernels.bend_widths import fit_bends
 from scan2nurbs.kernels.cells import build_cells
 from scan2nurbs.kernels.one_sided import one_sided_planes
 from scan2nurbs.kernels.sides import Meetings, meeting_sides
