@@ -1,0 +1,138 @@
+"""The curves of all edges of a scan: thinned, followed over gaps, closed where they close, meeting in corner points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scan2nurbs.edges.clean import CleanParams
+from scan2nurbs.edges.curves import BoundaryCurve, CurveParams, fit_curve
+from scan2nurbs.edges.detect import Edges
+from scan2nurbs.edges.follow import follow_ends
+from scan2nurbs.edges.graph import Chain, free_ends, order_points
+from scan2nurbs.edges.meet import Meeting, meet_ends
+from scan2nurbs.edges.polyline import arc_length
+from scan2nurbs.edges.thin import ThinParams, cover, thin_boundary
+from scan2nurbs.scale import Scale
+
+# Pieces of so few spacings may be chance; they are kept to be followed, and count once they are LEAST long.
+SEED, LEAST = 3.0, 8.0
+
+
+@dataclass(frozen=True)
+class EdgeCurve:
+    """A curve along an edge.
+
+    Attributes
+    ----------
+    curve : BoundaryCurve
+        The ordered points and the B-spline.
+    ends : (int, int)
+        The corners in which it begins and ends, as rows of `EdgeNetwork.corners`; −1 where it ends freely, and where it is closed.
+    """
+
+    curve: BoundaryCurve
+    ends: tuple[int, int]
+
+
+@dataclass(frozen=True)
+class EdgeNetwork:
+    """All edge curves, in the cloud's local frame.
+
+    Attributes
+    ----------
+    curves : tuple of EdgeCurve
+        By falling length.
+    corners : (C, 3) float64
+        Where curves meet.
+    counts : dict
+        Edge points given, thinned, and added by following; pieces that were too short.
+    """
+
+    curves: tuple[EdgeCurve, ...]
+    corners: NDArray[np.float64]
+    counts: dict[str, int]
+
+
+def edge_network(points: NDArray[np.float64], scale: Scale, edges: Edges, params: CurveParams | None = None) -> EdgeNetwork:
+    """Draw curves along all edges.
+
+    Parameters
+    ----------
+    points : (N, 3) float64
+        The cloud's points.
+    scale : Scale
+        What `measure_scale` said of them.
+    edges : Edges
+        The detected edges, in the cloud's order.
+    params : CurveParams, optional
+        How points are joined, and how B-splines are fitted.
+
+    Notes
+    -----
+    Edge points move onto the crease and are thinned. Pieces are followed from their free ends as far as creases go on in line; curves are
+    traced again through all points, and their ends drawn together where their tangents meet. Undesired points fall out on the way:
+    those in sparse places, side branches, and what is no longer than eight spacings when nothing can be followed any more.
+    """
+    params = params or CurveParams()
+    h = scale.h
+    # Short pieces are seeds here: what they come to decides.
+    clean = CleanParams(group_extent=SEED)
+    thin = ThinParams(clean=clean)
+    band = points[edges.mask]
+    thinned = thin_boundary(band, points, spacing=h, noise=scale.noise, params=thin, cells=scale.cells).points
+    counts = {"edge_points": len(band), "thinned": len(thinned), "followed": 0, "too_short": 0}
+    if len(thinned) < 3:
+        return EdgeNetwork((), np.empty((0, 3)), counts)
+    thinned = thinned[np.lexsort(thinned.T)]
+    chains = _order(thinned, h, params)
+    ends, outward = free_ends(thinned, chains, 2.0 * params.link * h)
+    if len(ends):
+        more = follow_ends(thinned, ends, outward, scale)
+        counts["followed"] = len(more)
+        thinned = cover(np.concatenate([thinned, more]), thin.step * h)[0]
+        thinned = thinned[np.lexsort(thinned.T)]
+        chains = _order(thinned, h, params)
+    kept = [chain for chain in chains if _length(thinned, chain) >= SEED * h]
+    meeting = meet_ends(thinned, kept, h, scale.noise)
+    long_enough = _long_enough(thinned, kept, meeting, LEAST * h)
+    counts["too_short"] = len(chains) - int(np.count_nonzero(long_enough))
+    curves = [
+        _curve(thinned, chain, ends, meeting, scale, params)
+        for chain, ends, good in zip(kept, meeting.ends, long_enough, strict=True)
+        if good
+    ]
+    return EdgeNetwork(tuple(sorted(curves, key=lambda edge: -edge.curve.length)), meeting.corners, counts)
+
+
+def _order(points: NDArray[np.float64], h: float, params: CurveParams) -> list[Chain]:
+    return order_points(points, link=params.link * h, gap=params.gap * h, prune=params.prune * h, loop=params.min_loop * h)
+
+
+def _length(points: NDArray[np.float64], chain: Chain) -> float:
+    return float(arc_length(points[chain.nodes], closed=chain.closed)[-1]) if len(chain.nodes) > 1 else 0.0
+
+
+def _long_enough(points: NDArray[np.float64], chains: list[Chain], meeting: Meeting, least: float) -> NDArray[np.bool_]:
+    """Keep long curves, and short ones between two corners."""
+    between = np.array([chain.closed or min(ends) >= 0 for chain, ends in zip(chains, meeting.ends, strict=True)], bool)
+    length = np.array([_length(points, chain) for chain in chains])
+    return (length >= least) | (between & (length >= 0.5 * least))
+
+
+def _curve(
+    points: NDArray[np.float64], chain: Chain, ends: tuple[int, int], meeting: Meeting, scale: Scale, params: CurveParams
+) -> EdgeCurve:
+    """Fit one curve, drawn to its corners."""
+    ordered = meeting.drawn(points, chain, ends, scale.h)
+    curve = fit_curve(ordered, scale.h, closed=chain.closed, params=params, noise=scale.noise)
+    if not chain.closed:
+        coefficients = curve.spline.c.copy()
+        for end, row in zip(ends, (0, -1), strict=True):
+            if end >= 0:
+                coefficients[row] = meeting.corners[end]
+        spline = type(curve.spline)(curve.spline.t, coefficients, curve.spline.k)
+        curve = replace(curve, spline=spline)
+    return EdgeCurve(curve, (-1, -1) if chain.closed else ends)
