@@ -21,6 +21,7 @@ from scan2nurbs.scale import Scale
 NONE, CONVEX, CONCAVE, BORDER, CORNER = range(5)
 KIND_NAMES = ("none", "convex", "concave", "border", "corner")
 
+WIDE = ("dn", "vdn", "edn", "one-sided")
 NEIGHBOURS = 8
 # Feet of wedges farther from their point than this, in h, belong to another edge.
 FOOT_REACH = 3.0
@@ -96,7 +97,12 @@ def edge_kinds(scale: Scale, edges: Edges, progress: Progress | None = None) -> 
 
 
 def with_kinds(scale: Scale, edges: Edges, progress: Progress | None = None) -> Edges:
-    """Return the edges with the kind of every point; borders where a sheet ends count as edges."""
+    """Return the edges with the kind of every point; borders where a sheet ends count as edges.
+
+    The paper's operators and one-sided normals mark wide bands, and come back as they are: kinds belong to thin edges.
+    """
+    if any(operator in WIDE for operator, _ in edges.runs):
+        return edges
     kinds = edge_kinds(scale, edges, progress)
     return replace(
         edges,

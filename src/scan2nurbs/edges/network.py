@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from scan2nurbs.edges.clean import CleanParams
 from scan2nurbs.edges.curves import BoundaryCurve, CurveParams, fit_curve
-from scan2nurbs.edges.detect import Edges
 from scan2nurbs.edges.follow import follow_ends
 from scan2nurbs.edges.graph import Chain, free_ends, order_points
 from scan2nurbs.edges.meet import Meeting, meet_ends
@@ -56,7 +55,7 @@ class EdgeNetwork:
     counts: dict[str, int]
 
 
-def edge_network(points: NDArray[np.float64], scale: Scale, edges: Edges, params: CurveParams | None = None) -> EdgeNetwork:
+def edge_network(points: NDArray[np.float64], scale: Scale, on_edge: NDArray[np.bool_], params: CurveParams | None = None) -> EdgeNetwork:
     """Draw curves along all edges.
 
     Parameters
@@ -65,8 +64,8 @@ def edge_network(points: NDArray[np.float64], scale: Scale, edges: Edges, params
         The cloud's points.
     scale : Scale
         What `measure_scale` said of them.
-    edges : Edges
-        The detected edges, in the cloud's order.
+    on_edge : (N,) bool
+        The detected edge points, in the cloud's order.
     params : CurveParams, optional
         How points are joined, and how B-splines are fitted.
 
@@ -81,7 +80,7 @@ def edge_network(points: NDArray[np.float64], scale: Scale, edges: Edges, params
     # Short pieces are seeds here: what they come to decides.
     clean = CleanParams(group_extent=SEED)
     thin = ThinParams(clean=clean)
-    band = points[edges.mask]
+    band = points[on_edge]
     thinned = thin_boundary(band, points, spacing=h, noise=scale.noise, params=thin, cells=scale.cells).points
     counts = {"edge_points": len(band), "thinned": len(thinned), "followed": 0, "too_short": 0}
     if len(thinned) < 3:

@@ -107,10 +107,14 @@ def _votes(
         loose = np.flatnonzero((there >= 0) & (component >= 0) & (component[there] >= 0) & (component != component[there]))
         cosine = np.einsum("nc,nc->n", normals[loose], normals[there[loose]])
         loose, cosine = loose[np.abs(cosine) > LOOSE], cosine[np.abs(cosine) > LOOSE]
-        rows.append(component[loose]), columns.append(component[there[loose]]), values.append(cosine)
+        rows.append(component[loose])
+        columns.append(component[there[loose]])
+        values.append(cosine)
     a, b = sides.component.T
     both = (a >= 0) & (b >= 0) & (a != b)
-    rows.append(a[both]), columns.append(b[both]), values.append(CREASE_WEIGHT * (sides.towards[both, 0] * sides.towards[both, 1]))
+    rows.append(a[both])
+    columns.append(b[both])
+    values.append(CREASE_WEIGHT * sides.towards[both, 0] * sides.towards[both, 1])
     votes = coo_array((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), shape=(n, n)).tocsr()
     return csr_array(votes + votes.T)
 
