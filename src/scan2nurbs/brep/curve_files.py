@@ -56,7 +56,7 @@ def write_curves(path: str | os.PathLike[str], curves: Sequence[NamedCurve], *, 
     Parameters
     ----------
     path : path
-        The suffix chooses the format: one of `CURVES`. STEP, IGES and BREP hold the B-splines, PLY (vertices and edges, each with the number
+        The suffix chooses the format: one of `CURVES`. STEP, IGES and BREP hold the B-splines, PLY (vertices, and edges with the number
         of its curve) and OBJ (lines) hold polylines.
     curves : sequence of NamedCurve
         At least one.
