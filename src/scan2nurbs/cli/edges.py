@@ -49,7 +49,7 @@ def edges(
         from scan2nurbs.cli.edge_curves import network_record, write_network  # noqa: PLC0415
         from scan2nurbs.cloud import as_cloud  # noqa: PLC0415
         from scan2nurbs.edges.detect import detect  # noqa: PLC0415
-        from scan2nurbs.edges.kinds import with_kinds  # noqa: PLC0415
+        from scan2nurbs.edges.kinds import BORDER, with_kinds  # noqa: PLC0415
         from scan2nurbs.edges.network import edge_network  # noqa: PLC0415
         from scan2nurbs.scale import measure_scale  # noqa: PLC0415
 
@@ -62,7 +62,8 @@ def edges(
         network = None
         if curves is not None:
             with session.watch("curves"):
-                network = edge_network(cloud.points, scale, found.mask)
+                border = None if found.kind is None else found.kind == BORDER
+                network = edge_network(cloud.points, scale, found.mask, border=border)
         found = edges_by_row(found, cloud)
         if output is not None or network is not None:
             with session.watch("write"):

@@ -71,6 +71,13 @@ def follow_ends(points: NDArray[np.float64], ends: NDArray[np.float64], outward:
     return np.array(found).reshape(-1, 3)
 
 
+def supported(points: NDArray[np.float64], along: NDArray[np.float64], scale: Scale) -> NDArray[np.bool_]:
+    """Tell at which points (K, 3) of curves, of unit directions `along` (K, 3), a crease runs along the curve."""
+    radius = fit_radius(scale.noise / scale.h) * scale.h
+    wedges = fit_wedges(scale.cells, np.ascontiguousarray(points), radius, scale.noise, rounds=2)
+    return _in_line(wedges, points, along, radius, scale)[0]
+
+
 def _in_line(
     wedges: Wedges, target: NDArray[np.float64], heading: NDArray[np.float64], radius: float, scale: Scale
 ) -> tuple[NDArray[np.bool_], NDArray[np.float64], NDArray[np.float64]]:

@@ -63,7 +63,7 @@ def meet_ends(points: NDArray[np.float64], chains: list[Chain], h: float, noise:
     Notes
     -----
     Ends near each other are one group. The place nearest to all their tangents (least squares) is their corner, where it lies near all
-    of them; else their mean, if they all but touch.
+    of them; else their mean, if they all but touch. An end that meets no other end, but runs into the middle of a curve, ends there.
     """
     place, inward, owner = _ends(points, chains, h)
     ends = [[-1, -1] for _ in chains]
@@ -81,6 +81,11 @@ def meet_ends(points: NDArray[np.float64], chains: list[Chain], h: float, noise:
                 chain, side = owner[row]
                 ends[chain][side] = len(corners)
             corners.append(corner)
+        for row, (chain, side) in enumerate(owner):
+            touched = _touched(points, chains, chain, place[row], inward[row], h, noise) if ends[chain][side] < 0 else None
+            if touched is not None:
+                ends[chain][side] = len(corners)
+                corners.append(touched)
     return Meeting(np.array(corners).reshape(-1, 3), [(a, b) for a, b in ends])
 
 
@@ -105,6 +110,31 @@ def _ends(
             inward.append(axis)
             owner.append((number, side))
     return np.array(place).reshape(-1, 3), np.array(inward).reshape(-1, 3), owner
+
+
+def _touched(
+    points: NDArray[np.float64],
+    chains: list[Chain],
+    own: int,
+    place: NDArray[np.float64],
+    inward: NDArray[np.float64],
+    h: float,
+    noise: float,
+) -> NDArray[np.float64] | None:
+    """Return the point of another chain that an end runs into; None where there is none."""
+    best, found = np.inf, None
+    for number, chain in enumerate(chains):
+        if number == own:
+            continue
+        off = points[chain.nodes] - place
+        ahead = -off @ inward
+        miss = np.linalg.norm(off + ahead[:, None] * inward, axis=1)
+        # Points of a curve are some 1.5 spacings apart: half of that is no miss.
+        near = np.flatnonzero((miss <= (MISS + 0.5) * h + noise) & (np.abs(ahead) <= AHEAD * h))
+        if len(near) and np.abs(ahead[near]).min() < best:
+            row = near[np.abs(ahead[near]).argmin()]
+            best, found = abs(ahead[row]), points[chain.nodes[row]]
+    return found
 
 
 def _corner(place: NDArray[np.float64], inward: NDArray[np.float64], h: float, noise: float) -> NDArray[np.float64] | None:

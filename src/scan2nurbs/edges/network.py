@@ -6,18 +6,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from scan2nurbs.edges.clean import CleanParams
 from scan2nurbs.edges.curves import BoundaryCurve, CurveParams, fit_curve
-from scan2nurbs.edges.follow import follow_ends
+from scan2nurbs.edges.follow import follow_ends, supported
 from scan2nurbs.edges.graph import Chain, free_ends, order_points
 from scan2nurbs.edges.meet import Meeting, meet_ends
 from scan2nurbs.edges.polyline import arc_length
 from scan2nurbs.edges.thin import ThinParams, cover, thin_boundary
 from scan2nurbs.scale import Scale
 
-# Pieces of so few spacings may be chance; they are kept to be followed, and count once they are LEAST long.
-SEED, LEAST = 3.0, 8.0
+# Pieces of so few spacings may be chance; they are kept to be followed, and count once they are long enough: edges end in corners, and
+# what does so needs no length; a curve that ends freely on both sides, or in itself, may be chance.
+SEED, CORNERED, HALF_FREE, FREE = 3.0, 4.0, 8.0, 16.0
+# Along a curve a crease must be seen at this part of its points, or a border.
+SUPPORT = 0.5
 
 
 @dataclass(frozen=True)
@@ -55,7 +59,14 @@ class EdgeNetwork:
     counts: dict[str, int]
 
 
-def edge_network(points: NDArray[np.float64], scale: Scale, on_edge: NDArray[np.bool_], params: CurveParams | None = None) -> EdgeNetwork:
+def edge_network(
+    points: NDArray[np.float64],
+    scale: Scale,
+    on_edge: NDArray[np.bool_],
+    params: CurveParams | None = None,
+    *,
+    border: NDArray[np.bool_] | None = None,
+) -> EdgeNetwork:
     """Draw curves along all edges.
 
     Parameters
@@ -68,12 +79,14 @@ def edge_network(points: NDArray[np.float64], scale: Scale, on_edge: NDArray[np.
         The detected edge points, in the cloud's order.
     params : CurveParams, optional
         How points are joined, and how B-splines are fitted.
+    border : (N,) bool, optional
+        Which of them lie on a border of the scan, where there is no crease.
 
     Notes
     -----
     Edge points move onto the crease and are thinned. Pieces are followed from their free ends as far as creases go on in line; curves are
     traced again through all points, and their ends drawn together where their tangents meet. Undesired points fall out on the way:
-    those in sparse places, side branches, and what is no longer than eight spacings when nothing can be followed any more.
+    those in sparse places, side branches, curves along which no crease is seen, and short ones that end freely.
     """
     params = params or CurveParams()
     h = scale.h
@@ -95,9 +108,12 @@ def edge_network(points: NDArray[np.float64], scale: Scale, on_edge: NDArray[np.
         thinned = thinned[np.lexsort(thinned.T)]
         chains = _order(thinned, h, params)
     kept = [chain for chain in chains if _length(thinned, chain) >= SEED * h]
+    seen = _seen(thinned, kept, scale, points[border] if border is not None else points[:0])
+    kept = [chain for chain, good in zip(kept, seen, strict=True) if good]
     meeting = meet_ends(thinned, kept, h, scale.noise)
-    long_enough = _long_enough(thinned, kept, meeting, LEAST * h)
-    counts["too_short"] = len(chains) - int(np.count_nonzero(long_enough))
+    long_enough = _long_enough(thinned, kept, meeting, h)
+    counts["unseen"] = int(np.count_nonzero(~seen))
+    counts["too_short"] = len(chains) - counts["unseen"] - int(np.count_nonzero(long_enough))
     curves = [
         _curve(thinned, chain, ends, meeting, scale, params)
         for chain, ends, good in zip(kept, meeting.ends, long_enough, strict=True)
@@ -114,11 +130,37 @@ def _length(points: NDArray[np.float64], chain: Chain) -> float:
     return float(arc_length(points[chain.nodes], closed=chain.closed)[-1]) if len(chain.nodes) > 1 else 0.0
 
 
-def _long_enough(points: NDArray[np.float64], chains: list[Chain], meeting: Meeting, least: float) -> NDArray[np.bool_]:
-    """Keep long curves, and short ones between two corners."""
-    between = np.array([chain.closed or min(ends) >= 0 for chain, ends in zip(chains, meeting.ends, strict=True)], bool)
-    length = np.array([_length(points, chain) for chain in chains])
-    return (length >= least) | (between & (length >= 0.5 * least))
+def _seen(points: NDArray[np.float64], chains: list[Chain], scale: Scale, border: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Tell along which chains there is a crease, or a border."""
+    if not chains:
+        return np.zeros(0, bool)
+    owner = np.repeat(np.arange(len(chains)), [len(chain.nodes) for chain in chains])
+    rows = np.concatenate([chain.nodes for chain in chains])
+    along = np.concatenate([_directions(points[chain.nodes], chain.closed) for chain in chains])
+    good = supported(points[rows], along, scale)
+    if len(border):
+        good |= KDTree(border).query(points[rows])[0] <= 2.0 * scale.h
+    return np.bincount(owner, good, len(chains)) >= SUPPORT * np.bincount(owner, minlength=len(chains))
+
+
+def _directions(ordered: NDArray[np.float64], closed: bool) -> NDArray[np.float64]:
+    """Return the unit direction of a row of points at each, over two neighbours on either side."""
+    k, reach = len(ordered), 2
+    rows = np.arange(k)
+    if closed:
+        chord = ordered[(rows + reach) % k] - ordered[rows - reach]
+    else:
+        chord = ordered[np.minimum(rows + reach, k - 1)] - ordered[np.maximum(rows - reach, 0)]
+    return chord / np.maximum(np.linalg.norm(chord, axis=1, keepdims=True), 1e-300)
+
+
+def _long_enough(points: NDArray[np.float64], chains: list[Chain], meeting: Meeting, h: float) -> NDArray[np.bool_]:
+    """Ask for the more length, the less a curve's ends are held by others."""
+    least = []
+    for chain, (a, b) in zip(chains, meeting.ends, strict=True):
+        held = (a >= 0) + (b >= 0)
+        least.append(CORNERED if chain.closed or (held == 2 and a != b) else FREE if held != 1 else HALF_FREE)
+    return np.array([_length(points, chain) for chain in chains]) >= h * np.array(least)
 
 
 def _curve(
