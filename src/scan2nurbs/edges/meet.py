@@ -131,9 +131,9 @@ def _touched(
         miss = np.linalg.norm(off + ahead[:, None] * inward, axis=1)
         # Points of a curve are some 1.5 spacings apart: half of that is no miss.
         near = np.flatnonzero((miss <= (MISS + 0.5) * h + noise) & (np.abs(ahead) <= AHEAD * h))
-        if len(near) and np.abs(ahead[near]).min() < best:
-            row = near[np.abs(ahead[near]).argmin()]
-            best, found = abs(ahead[row]), points[chain.nodes[row]]
+        cost = np.abs(ahead[near]) + 2.0 * miss[near]
+        if len(near) and cost.min() < best:
+            best, found = cost.min(), points[chain.nodes[near[cost.argmin()]]]
     return found
 
 

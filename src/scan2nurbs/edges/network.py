@@ -15,6 +15,7 @@ from scan2nurbs.edges.graph import Chain, free_ends, order_points
 from scan2nurbs.edges.meet import Meeting, meet_ends
 from scan2nurbs.edges.polyline import arc_length
 from scan2nurbs.edges.thin import ThinParams, cover, thin_boundary
+from scan2nurbs.kernels.thinning import ball_covariances
 from scan2nurbs.scale import Scale
 
 # Pieces of so few spacings may be chance; they are kept to be followed, and count once they are long enough: edges end in corners, and
@@ -94,6 +95,8 @@ def edge_network(
     clean = CleanParams(group_extent=SEED)
     thin = ThinParams(clean=clean)
     band = points[on_edge]
+    if border is not None:
+        band = np.concatenate([points[on_edge & ~border], _outward(points[on_edge & border], scale)])
     thinned = thin_boundary(band, points, spacing=h, noise=scale.noise, params=thin, cells=scale.cells).points
     counts = {"edge_points": len(band), "thinned": len(thinned), "followed": 0, "too_short": 0}
     if len(thinned) < 3:
@@ -120,6 +123,12 @@ def edge_network(
         if good
     ]
     return EdgeNetwork(tuple(sorted(curves, key=lambda edge: -edge.curve.length)), meeting.corners, counts)
+
+
+def _outward(points: NDArray[np.float64], scale: Scale) -> NDArray[np.float64]:
+    """Move points of a border, which lie up to a spacing inside it, half a spacing outwards: away from the mean of what is about them."""
+    mean, _, _ = ball_covariances(scale.cells, np.ascontiguousarray(points), 4.0 * scale.h)
+    return points - 0.5 * scale.h * mean / np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-300)
 
 
 def _order(points: NDArray[np.float64], h: float, params: CurveParams) -> list[Chain]:
