@@ -8,10 +8,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from scan2nurbs.edges.border import find_borders
+from scan2nurbs.edges.chains import chain_extent
 from scan2nurbs.edges.operators import Lengths, Strength, compare_planes, one_sided_planes_of
 from scan2nurbs.edges.params import EdgeParams
 from scan2nurbs.kernels.alongside import mean_along, nearest_piece
-from scan2nurbs.kernels.bends import Bends, fit_bends
+from scan2nurbs.kernels.bend_widths import Bends, fit_bends
 from scan2nurbs.kernels.cells import Cells, build_cells
 from scan2nurbs.kernels.creases import fit_wedges
 from scan2nurbs.kernels.runner import Progress
@@ -26,9 +28,12 @@ WIDTHS = (0.0, 1.2, 2.0, 3.0, 4.5)
 # The half-width of the window across a crease, in h: this times the root of the noise in h, within the bounds; it is half as long again.
 WINDOW, WINDOW_RANGE, LONGER = 8.0, (3.5, 8.0), 1.5
 # Mean logarithm of the likelihood ratio along a crease: what is asked for against one curved face, and against a rounding, which
-# is rarer and has a width to choose. Means over 4 h, repeated four times, reach about 8 h either way.
+# is rarer and has a width to choose. Means over 4 h, repeated eight times, reach about 10 h either way.
 EVIDENCE, ROUNDING = 3.0, -0.3
-MEAN_REACH, MEANS = 4.0, 4
+MEAN_REACH, MEANS = 4.0, 8
+# The best of the bumps that noise makes look like short shallow creases. Pieces 10 h apart share no points, so that evidence adds up
+# along a chain of pieces, which follow each other closer than 1.5 h, and of its sum more is asked for.
+APART, FOLLOWS, SUM = 10.0, 1.5, 12.0
 # How far from the crease points are marked, in h, and half the length of a piece of it.
 REACH, HALF_PIECE = 0.85, 1.0
 # The comparison that tells where the surface breaks: a wedge is the best of 57 splits (4 = log 57), and its extra parameters must
@@ -49,7 +54,7 @@ def crease(cells: Cells, lengths: Lengths, params: EdgeParams, progress: Progres
     Where one-sided normals differ (see `one_sided`), the planes about a point are averaged into two sides, which meet in a line. Bends
     of several widths are fitted to the points about that line, as far as two faces explain them: sharp ones, rounded ones and one
     curved face. The logarithms of their likelihoods are averaged along the crease. Where the sharp bend is likely enough, the
-    points within `reach` of it are on the edge.
+    points within `reach` of it are on the edge. So are, with 90 degrees, the points where the surface ends (see `find_borders`).
 
     Notes
     -----
@@ -59,6 +64,7 @@ def crease(cells: Cells, lengths: Lengths, params: EdgeParams, progress: Progres
     """
     planes = one_sided_planes_of(cells, lengths, params, progress)
     candidates = compare_planes(cells, planes, lengths, progress)
+    border = find_borders(cells, candidates.normal, np.full(len(cells.points), lengths.h), lengths.h, lengths.noise).outline
     places = np.flatnonzero(candidates.strength > CANDIDATE)
     meetings = meeting_sides(cells, planes.normals.balls, planes.chosen, places, SIDES * lengths.h)
     window = float(np.clip(WINDOW * math.sqrt(lengths.noise / lengths.h), *WINDOW_RANGE)) * lengths.h
@@ -66,15 +72,17 @@ def crease(cells: Cells, lengths: Lengths, params: EdgeParams, progress: Progres
     pieces = _sharp_pieces(meetings, bends, lengths)
     reach = REACH * lengths.h if params.reach is None else params.reach * (1.0 if params.absolute else lengths.h)
     strength = np.where(np.isnan(candidates.strength), np.nan, 0.0)
+    strength[border] = 90.0
     if len(pieces.turn) > 0:
         nearest = nearest_piece(cells, pieces.feet, pieces.direction, HALF_PIECE * lengths.h, reach)
-        found = (nearest >= 0) & ~np.isnan(strength)
+        found = (nearest >= 0) & ~np.isnan(strength) & ~border
         strength[found] = np.minimum(np.degrees(pieces.turn[nearest[found]]), 90.0)
     return Strength(
         strength=strength,
         normal=candidates.normal,
         radii=candidates.radii | {"window": window, "reach": reach},
-        counts=candidates.counts | {"crease_candidates": len(places), "crease_pieces": len(pieces.turn)},
+        counts=candidates.counts
+        | {"crease_candidates": len(places), "crease_pieces": len(pieces.turn), "border_points": int(border.sum())},
     )
 
 
@@ -129,6 +137,8 @@ def _sharp_pieces(meetings: Meetings, bends: Bends, lengths: Lengths) -> Pieces:
         values = mean_along(feet, direction, up, values, MEAN_REACH * lengths.h, lengths.h)
     sharp, rounded, turn = values[:, 0], values[:, 1:-1].max(axis=1), values[:, -1]
     good = np.flatnonzero((sharp > EVIDENCE) & (sharp - rounded > ROUNDING))
+    extent = chain_extent(feet.points[good], FOLLOWS * lengths.h) / lengths.h
+    good = good[sharp[good] * (1.0 + extent / APART) > SUM]
     if len(good) == 0:
         return Pieces(feet, np.zeros((0, 3)), np.zeros(0))
     pieces = build_cells(feet.points[good], 2.0 * lengths.h)

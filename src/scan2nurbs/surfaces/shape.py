@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import ClassVar, Literal, Protocol, runtime_checkable
 
 import numpy as np
@@ -64,6 +65,11 @@ class Analytic:
         return points - self.distance(points)[:, None] * self.normal(points)
 
 
+def inverse(matrix: Floats) -> Floats:
+    """Return the inverse of a matrix."""
+    return np.asarray(np.linalg.inv(matrix), dtype=np.float64)
+
+
 def unit(vector: ArrayLike) -> Floats:
     """Return a vector, or each row of an array, divided by its length; zero vectors stay zero."""
     v = np.asarray(vector, np.float64)
@@ -73,10 +79,14 @@ def unit(vector: ArrayLike) -> Floats:
 
 def perpendicular(axis: Floats) -> tuple[Floats, Floats]:
     """Return two unit vectors that make a right-handed frame with a unit vector: x × y = axis."""
-    least = np.zeros(3)
-    least[np.argmin(np.abs(axis))] = 1.0
-    x = unit(np.cross(least, axis))
-    return x, np.cross(axis, x)
+    # By hand: NumPy's cross product of two single vectors takes longer than a fit's step.
+    a, b, c = (float(v) for v in axis)
+    size = (abs(a), abs(b), abs(c))
+    least = size.index(min(size))
+    x = ((0.0, -c, b), (c, 0.0, -a), (-b, a, 0.0))[least]
+    length = math.sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
+    p, q, r = x[0] / length, x[1] / length, x[2] / length
+    return np.array([p, q, r]), np.array([b * r - c * q, c * p - a * r, a * q - b * p])
 
 
 def split(points: Floats, origin: Floats, axis: Floats) -> tuple[Floats, Floats, Floats]:
