@@ -18,8 +18,9 @@ from scipy.interpolate import BSpline
 from scan2nurbs.brep.header import plain, system
 from scan2nurbs.brep.iges import write_iges
 from scan2nurbs.brep.occ import kernel_errors, to_knots, to_points
+from scan2nurbs.brep.solids import compound
 from scan2nurbs.brep.step import write_step
-from scan2nurbs.brep.write import _compound, _write_brep
+from scan2nurbs.brep.write import write_brep
 from scan2nurbs.cloud import UNITS
 from scan2nurbs.errors import ParameterError
 from scan2nurbs.io.atomic import atomic_path
@@ -89,11 +90,11 @@ def write_curves(path: str | os.PathLike[str], curves: Sequence[NamedCurve], *, 
         else:
             scale = UNITS[unit] if suffix != ".brep" else 1.0
             shapes = [(curve.name, _edge(curve.spline, scale)) for curve in curves]
-            whole = _compound([shape for _, shape in shapes])
+            whole = compound([shape for _, shape in shapes])
             if suffix in (".step", ".stp"):
                 write_step(temporary, whole, shapes, unit=unit, kernel_unit="mm", name=plain(name), schema="AP242")
             elif suffix == ".brep":
-                _write_brep(temporary, whole)
+                write_brep(temporary, whole)
             else:
                 write_iges(temporary, whole, unit=unit, name=plain(name))
 

@@ -78,12 +78,10 @@ def edge_kinds(scale: Scale, edges: Edges, progress: Progress | None = None) -> 
     cells = scale.cells
     order = cells.order
     on_edge, normal = edges.mask[order], edges.normal[order]
-    neighbours, distance = nearest_neighbours(cells, min(NEIGHBOURS, len(order) - 1), progress=progress)
-    spacing = distance[:, -1] * np.sqrt(np.pi / distance.shape[1])
-    del distance
-    rows = np.flatnonzero(on_edge)
+    neighbours, _ = nearest_neighbours(cells, min(NEIGHBOURS, len(order) - 1), progress=progress)
+    borders = find_borders(cells, normal, np.full(len(order), scale.h), scale.h, scale.noise)
+    rows = np.flatnonzero(on_edge & ~borders.outline)
     creases, usable = _creases(scale, rows)
-    borders = find_borders(cells, normal, spacing, scale.h, scale.noise)
     doubtful = on_edge | _thick(cells, normal, neighbours, scale) | _beside(cells, borders.mask, scale)
     found = orient_normals(cells, normal, neighbours, doubtful, creases, scale.noise)
     kinds = _of_creases(scale, rows, creases, usable, found.sides.turn, found.sides.turn_error, found.sides.towards, found.agreement)
