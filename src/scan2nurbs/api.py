@@ -7,6 +7,7 @@ import numpy as np
 
 from scan2nurbs.cloud import PointCloud, PointSource, as_cloud
 from scan2nurbs.edges.detect import Edges, detect
+from scan2nurbs.edges.kinds import with_kinds
 from scan2nurbs.edges.params import EdgeParams
 from scan2nurbs.faces.segmentation import Faces
 from scan2nurbs.kernels.runner import Progress
@@ -76,7 +77,7 @@ def detect_edges(source: PointSource, params: EdgeParams | None = None, *, progr
         If the source cannot be read or has fewer than three distinct points.
     """
     measured = measure(source, progress=progress)
-    edges = detect(measured.cloud.points, measured.scale, params or EdgeParams(), progress)
+    edges = with_kinds(measured.scale, detect(measured.cloud.points, measured.scale, params or EdgeParams(), progress))
     return edges_by_row(edges, measured.cloud)
 
 
@@ -84,8 +85,16 @@ def edges_by_row(edges: Edges, cloud: PointCloud) -> Edges:
     """Spread edges from the cloud's points over the rows of the input."""
     optional = {
         name: None if values is None else cloud.to_rows(values, np.nan)
-        for name, values in (("dn", edges.dn), ("vdn_small", edges.vdn_small), ("vdn_large", edges.vdn_large))
+        for name, values in (
+            ("dn", edges.dn),
+            ("vdn_small", edges.vdn_small),
+            ("vdn_large", edges.vdn_large),
+            ("angle", edges.angle),
+            ("angle_error", edges.angle_error),
+        )
     }
+    for name, none in (("kind", edges.kind), ("confidence", edges.confidence)):
+        optional[name] = None if none is None else cloud.to_rows(none, 0)
     return replace(
         edges,
         strength=cloud.to_rows(edges.strength, np.nan),

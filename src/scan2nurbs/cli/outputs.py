@@ -10,6 +10,7 @@ from scan2nurbs.errors import ParameterError
 
 REPORTS = (".html", ".htm")
 POINTS = (".ply", ".npz", ".csv")
+CURVES = (".step", ".stp", ".iges", ".igs", ".brep", ".ply", ".obj")
 CAD = (".step", ".stp", ".iges", ".igs", ".brep", ".3dm")
 MESHES = (".stl", ".ply", ".obj")
 """Suffixes that have a writer; a test compares them with the writers."""
