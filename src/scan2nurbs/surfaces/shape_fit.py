@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from scan2nurbs.errors import InputError, NoResultError, ParameterError
 from scan2nurbs.surfaces.explain import Residuals, study
 from scan2nurbs.surfaces.fit import FitParams, fit_surface
+from scan2nurbs.surfaces.interior import interior
 from scan2nurbs.surfaces.primitive_fit import criterion, fit_primitive
 from scan2nurbs.surfaces.shape import KINDS, Floats, Kind, Shape
 from scan2nurbs.surfaces.shape_parameters import COLUMNS
@@ -93,8 +94,15 @@ def choose_shape(points: ArrayLike, *, noise: float, kinds: Sequence[Kind] = KIN
     ------
     NoResultError
         If no kind can be fitted.
+
+    Notes
+    -----
+    Where the face is wide enough, points along its border take no part: they may belong to the neighbours.
     """
-    p, w = _checked(points, None, noise)
+    everything, _ = _checked(points, None, noise)
+    inside = interior(everything)
+    p, w = np.ascontiguousarray(everything[inside]), np.ones(int(inside.sum()))
+    normals = None if normals is None else normals[inside]
     fits: list[tuple[ShapeFit, Residuals]] = []
     for kind in _PRIMITIVES:
         if kind not in kinds:
