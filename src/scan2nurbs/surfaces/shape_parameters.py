@@ -88,6 +88,19 @@ def moved(shape: Primitive, step: Floats) -> Primitive:
     return from_pose(shape.kind, new, a + full[5], b + full[6])
 
 
+def scaled(shape: Primitive, before: Floats, factor: float, after: Floats | None = None) -> Primitive:
+    """Return a primitive shifted by `before` (3,), scaled by a factor about the origin, and shifted by `after` (3,)."""
+    _, frame, a, b = pose(shape)
+    frame = frame.copy()
+    frame[:3] = (frame[:3] + before) * factor + (0.0 if after is None else after)
+    return from_pose(shape.kind, frame, a * factor, b if shape.kind == "cone" else b * factor)
+
+
+def lengths(kind: Kind) -> NDArray[np.bool_]:
+    """Return which parameters of a kind are lengths; the others are angles."""
+    return np.isin(COLUMNS[kind], [0, 1, 2, 5] if kind == "cone" else [0, 1, 2, 5, 6])
+
+
 def recentred(shape: Primitive, point: Floats) -> Primitive:
     """Return the same surface with its point of reference as near to a given point (3,) as it may be."""
     if isinstance(shape, Plane):

@@ -1,0 +1,250 @@
+"""Impose the relations between the surfaces of a part that hold within their uncertainty."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from scan2nurbs.errors import ParameterError
+from scan2nurbs.surfaces.constraints import ANGLE, evaluate
+from scan2nurbs.surfaces.relation_search import Candidate, Floors, Known, find_relations, find_tangencies
+from scan2nurbs.surfaces.relation_select import select_relations
+from scan2nurbs.surfaces.relation_solve import JointFit, Member, fit_jointly, normal_system
+from scan2nurbs.surfaces.shape import Floats, inverse
+from scan2nurbs.surfaces.shape_fit import ShapeFit
+from scan2nurbs.surfaces.shape_parameters import COLUMNS, Primitive, lengths, recentred, scaled
+from scan2nurbs.surfaces.shape_solve import TUKEY, distances
+
+logger = logging.getLogger(__name__)
+
+RELATIONS = ("parallel", "perpendicular", "coaxial", "coplanar", "equal radius", "tangent")
+_POINTS = 4000  # points of a face that take part in the joint fit, at most
+_ATTEMPTS = 20
+_CLOSED = 1e-10  # of the extent, and radians: equations that are further off contradict each other
+_STRAINED = 4.0  # standard deviations
+_REFUSED = 1.0 - 1e-6
+
+
+@dataclass(frozen=True, kw_only=True)
+class RelationParams:
+    """What is imposed.
+
+    Attributes
+    ----------
+    kinds : tuple of str
+        Of `RELATIONS`; empty for none.
+    angle : float
+        Angles below it are never doubted, in degrees, ≥ 0.
+    length : float
+        Lengths below it are never doubted, as a share of the noise, ≥ 0.
+    max_rise : float
+        A relation that raises the rms of a face by more than this share is dropped, > 0.
+    """
+
+    kinds: tuple[str, ...] = RELATIONS
+    angle: float = 0.05
+    length: float = 0.1
+    max_rise: float = 0.25
+
+    def __post_init__(self) -> None:
+        for kind in self.kinds:
+            if kind not in RELATIONS:
+                raise ParameterError(f"The 'kinds' of relations must be among {', '.join(RELATIONS)}. Got {kind!r} instead.")
+        for name in ("angle", "length", "max_rise"):
+            if not 0.0 <= getattr(self, name) < np.inf:
+                raise ParameterError(f"The '{name}' of relations must be a float in [0, inf). Got {getattr(self, name)!r} instead.")
+
+
+@dataclass(frozen=True)
+class Relation:
+    """A relation that was imposed.
+
+    Attributes
+    ----------
+    kind : str
+        One of `RELATIONS`.
+    faces : (int, int)
+    angle : float
+        How far directions were apart before, in degrees.
+    length : float
+        How far places and radii were from it before, in the points' unit.
+    cost : float
+        By how much the rms of the face that suffered most rose by all relations together, in the points' unit; negative where none did.
+    """
+
+    kind: str
+    faces: tuple[int, int]
+    angle: float
+    length: float
+    cost: float
+
+
+@dataclass(frozen=True)
+class Related:
+    """The fits under their relations, in the order given, the relations, and what the caller should know."""
+
+    fits: tuple[ShapeFit, ...]
+    relations: tuple[Relation, ...]
+    notes: tuple[str, ...] = ()
+
+
+def impose_relations(
+    points: Floats,
+    label: NDArray[np.int32],
+    fits: Sequence[ShapeFit],
+    *,
+    noise: float,
+    h: float,
+    smooth: Iterable[tuple[int, int]] = (),
+    params: RelationParams | None = None,
+) -> Related:
+    """Find the relations between the primitives of a part, and fit all of them again so that the relations hold exactly.
+
+    Parameters
+    ----------
+    points : (N, 3) float64
+    label : (N,) int32
+        Face of each point; −1 for none.
+    fits : sequence of ShapeFit
+        One a face. Splines and swept curves stay as they are.
+    noise : float
+        Standard deviation of the points across the surface, in their unit.
+    h : float
+        Spacing of the points.
+    smooth : iterable of (int, int)
+        Pairs of faces that meet smoothly: these may be made tangent.
+    params : RelationParams, optional
+
+    Returns
+    -------
+    Related
+        Equations of the relations hold to about 1e-12 of the extent.
+
+    Notes
+    -----
+    A relation that raises the rms of a face by more than `max_rise`, significantly, is dropped, and all others are solved
+    for again. Time grows with faces and relations, hardly with points. Deterministic.
+    """
+    params = params or RelationParams()
+    part = _Part.make(points, label, fits, noise, h)
+    floors = Floors(np.radians(params.angle), max(params.length * noise, 0.01 * h) / part.extent)
+    known = part.known()
+    found = [c for c in find_relations(known, floors) if c.kind in params.kinds]
+    tangent = find_tangencies(known, sorted({(min(p), max(p)) for p in smooth})) if "tangent" in params.kinds else []
+    active, dropped = select_relations(known, found, tangent, floors)
+    joint = JointFit(tuple(part.shapes), 0.0, np.zeros(0))
+    for _ in range(_ATTEMPTS):
+        if not active:
+            break
+        joint = fit_jointly(part.shapes, part.members, active, floors)
+        bad = _refused(part, joint, active, params)
+        if not bad:
+            break
+        dropped += [active[k] for k in sorted(bad)]
+        active = [c for k, c in enumerate(active) if k not in bad]
+    else:
+        active = []
+    logger.info("%d relations hold, %d were dropped", len(active), len(dropped))
+    if not active:
+        return Related(tuple(fits), (), _notes(dropped))
+    return _result(part, fits, joint, active, dropped)
+
+
+@dataclass(frozen=True)
+class _Part:
+    """The primitives of a part, moved to its middle and scaled by its extent."""
+
+    middle: Floats
+    extent: float
+    shapes: list[Primitive]
+    members: list[Member]
+    place: dict[int, int]
+    before: list[float]
+
+    @staticmethod
+    def make(points: Floats, label: NDArray[np.int32], fits: Sequence[ShapeFit], noise: float, h: float) -> _Part:
+        low, high = points.min(axis=0), points.max(axis=0)
+        middle, extent = 0.5 * (low + high), float((high - low).max())
+        order = np.argsort(label, kind="stable")
+        starts = np.searchsorted(label[order], np.arange(len(fits) + 1))
+        shapes, members = [], []
+        for face, fit in enumerate(fits):
+            mine = order[starts[face] : starts[face + 1]]
+            if fit.shape.kind not in COLUMNS or len(mine) < len(COLUMNS[fit.shape.kind]):
+                continue
+            stride = -(-len(mine) // _POINTS)
+            own = np.ascontiguousarray((points[mine[::stride]] - middle) / extent)
+            shape = recentred(scaled(fit.shape, -middle, 1.0 / extent), own.mean(axis=0))  # type: ignore[arg-type]
+            sigma = max(noise, 0.01 * h, float(1.4826 * np.median(np.abs(distances(shape, own)))) * extent) / extent
+            shapes.append(shape)
+            members.append(Member(face, own, sigma, len(mine) / len(own)))
+        place = {m.face: i for i, m in enumerate(members)}
+        return _Part(middle, extent, shapes, members, place, [_rms(s, m) for s, m in zip(shapes, members, strict=True)])
+
+    def known(self) -> list[Known]:
+        return [Known(m.face, s, inverse(normal_system(s, m)[0])) for s, m in zip(self.shapes, self.members, strict=True)]
+
+
+def _rms(shape: Primitive, member: Member) -> float:
+    d = np.minimum(np.abs(distances(shape, member.points)), TUKEY * member.sigma)
+    return float(np.sqrt(np.mean(d * d)))
+
+
+def _refused(part: _Part, joint: JointFit, active: Sequence[Candidate], params: RelationParams) -> set[int]:
+    """Return the relations to give up: those that contradict others, pull too hard, or spoil a face most."""
+    if not np.isfinite(joint.gap) or joint.gap > _CLOSED:
+        bad = {int(k) for k in np.flatnonzero(joint.force >= max(0.3 * joint.force.max(), _STRAINED))} or {int(np.argmax(joint.force))}
+        return _apart(bad, joint, active)
+    bad: set[int] = set()
+    for i, (shape, member) in enumerate(zip(joint.shapes, part.members, strict=True)):
+        before, after = part.before[i], _rms(shape, member)
+        rise = (after**2 - before**2) * len(member.points) * member.share / member.sigma**2
+        if after > (1.0 + params.max_rise) * before and rise > chi2.ppf(_REFUSED, len(COLUMNS[shape.kind])):
+            mine = [k for k, c in enumerate(active) if member.face in c.faces]
+            if mine:
+                bad.add(max(mine, key=lambda k: joint.force[k]))
+    return _apart(bad, joint, active)
+
+
+def _apart(bad: set[int], joint: JointFit, active: Sequence[Candidate]) -> set[int]:
+    """Return the worst relations, one a face: what else is bad may well be true once the worst is gone."""
+    kept: set[int] = set()
+    busy: set[int] = set()
+    for k in sorted(bad, key=lambda k: -joint.force[k]):
+        if not busy & set(active[k].faces):
+            kept.add(k)
+            busy |= set(active[k].faces)
+    return kept
+
+
+def _result(part: _Part, fits: Sequence[ShapeFit], joint: JointFit, active: Sequence[Candidate], dropped: Sequence[Candidate]) -> Related:
+    new, rise = list(fits), {}
+    touched = {face for c in active for face in c.faces}
+    for i, (shape, member) in enumerate(zip(joint.shapes, part.members, strict=True)):
+        after = _rms(shape, member)
+        rise[member.face] = (after - part.before[i]) * part.extent
+        if member.face in touched:
+            size = np.where(lengths(shape.kind), part.extent, 1.0)
+            covariance = inverse(normal_system(shape, member)[0]) * np.outer(size, size)
+            back = scaled(shape, np.zeros(3), part.extent, part.middle)
+            old = fits[member.face]
+            new[member.face] = replace(old, shape=back, rms=after * part.extent, covariance=covariance)
+    relations = []
+    for c in active:
+        first, second = (part.shapes[part.place[f]] for f in c.faces)
+        values = evaluate(c.equations, first, second)
+        angles = np.array([u == ANGLE for u in values.unit])
+        apart = np.abs(values.value)
+        angle, length = float(apart[angles].max(initial=0.0)), float(apart[~angles].max(initial=0.0))
+        cost = max(rise[f] for f in c.faces)
+        relations.append(Relation(c.kind, c.faces, float(np.degrees(angle)), length * part.extent, cost))
+    return Related(tuple(new), tuple(relations), _notes(dropped))
+
+
+def _notes(dropped: Sequence[Candidate]) -> tuple[str, ...]:
+    return tuple(f"Faces {c.faces[0]} and {c.faces[1]} are not {c.kind}: the points speak against it." for c in dropped)
