@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+
 import numpy as np
 
 from scan2nurbs.cloud import PointCloud, PointSource, as_cloud

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from scan2nurbs.kernels.cells import COLUMNS, Cells, bounds, gather
+from scan2nurbs.kernels.candidates import COLUMNS, bounds, gather
+from scan2nurbs.kernels.cells import Cells
 from scan2nurbs.kernels.runner import Progress, kernel, run_ranges
 
 CELLS_PER_RANGE = 128
@@ -60,7 +61,6 @@ def _openness(cells, normals, radius, thickness, start, stop, out):
     points = cells.points
     low, high, centre = np.empty(3), np.empty(3), np.empty(3)
     runs = np.empty((64, 2), np.int64)
-    no_weights = np.empty((0, 0))
     table = np.empty((3, COLUMNS))
     local = np.empty((COLUMNS, 3))
     count = np.empty(SECTORS)
@@ -69,7 +69,7 @@ def _openness(cells, normals, radius, thickness, start, stop, out):
         reach = np.max(radius[first:end])
         scale = 1.0 / reach
         bounds(points, first, end, low, high)
-        runs, table, n = gather(cells, no_weights, low, high, reach, scale, centre, runs, table)
+        runs, table, n = gather(cells, low, high, reach, scale, centre, runs, table)
         if n > len(local):
             local = np.empty((2 * n, 3))
         for i in range(first, end):
