@@ -15,6 +15,7 @@ from scan2nurbs.kernels.moments import ball_planes
 from scan2nurbs.kernels.nearest import nearest_distance, nearest_neighbours, nearest_to
 from scan2nurbs.kernels.one_sided import normal_differences, one_sided_planes
 from scan2nurbs.kernels.runner import set_threads
+from scan2nurbs.kernels.sorting import radix_argsort
 from scan2nurbs.kernels.symmetric3 import line_angles
 
 
@@ -118,6 +119,27 @@ def test_clusters_stand_for_the_points_of_large_balls():
     assert np.quantile(tilt, 0.99) < 0.5
     assert np.median(np.abs(exact.sector_angle - clustered.sector_angle)[todo]) < 1.5
     np.testing.assert_allclose(clustered.n_points[todo], exact.n_points[todo], rtol=0.03)
+
+
+def test_clusters_stand_for_the_points_of_sectors():
+    points = wavy(20_000, noise=0.05) * [1.0, 1.0, 0.1]
+    cells = build_cells(points, 5.0)
+    todo = np.arange(len(points)) % 50 == 0
+    exact = ball_planes(cells, 15.0, sectors=4, exact=True, todo=todo)
+    clustered = ball_planes(cells, 15.0, sectors=4, todo=todo)
+    assert np.array_equal(exact.normal[todo], clustered.normal[todo])
+    assert not np.array_equal(exact.sector_angle[todo], clustered.sector_angle[todo])
+    difference = np.abs(exact.sector_angle - clustered.sector_angle)[todo]
+    assert np.median(difference) < 0.3
+    assert np.quantile(difference, 0.99) < 3.0
+
+
+@given(st.integers(1, 300), st.sampled_from([1, 7, 3000, 1 << 40]), st.integers(0, 10_000))
+def test_radix_argsort_is_the_stable_order(n, bound, seed):
+    keys = np.random.default_rng(seed).integers(0, bound, n)
+    order, ordered = radix_argsort(keys, bound)
+    assert np.array_equal(order, np.argsort(keys, kind="stable"))
+    assert np.array_equal(ordered, np.sort(keys))
 
 
 def sector_angle_twin(points: np.ndarray, i: int, radius: float, sectors: int, sign: float = 1.0) -> float:
