@@ -42,7 +42,9 @@ class SplineShape:
         near, index = tree.query(points)
         feet = foot_points(self.surface, points, uv[index])
         # Newton's method may end in a corner of the domain that is no nearest point.
-        lost = np.flatnonzero(feet.distance > near)
+        ends = np.array(self.surface.domain)
+        corner = ((feet.uv == ends[:, 0]) | (feet.uv == ends[:, 1])).all(axis=1)
+        lost = np.flatnonzero((feet.distance > near) | corner)
         if len(lost) == 0:
             return feet
         best = self._search(points[lost], uv[index[lost]], gaps)
