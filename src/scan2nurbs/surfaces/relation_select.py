@@ -12,7 +12,7 @@ from scan2nurbs.surfaces.constraints import ANGLE, Values, evaluate
 from scan2nurbs.surfaces.relation_search import Candidate, Floors, Known
 from scan2nurbs.surfaces.relation_solve import room
 from scan2nurbs.surfaces.shape import Floats
-from scan2nurbs.surfaces.shape_parameters import moved
+from scan2nurbs.surfaces.shape_parameters import Primitive, moved
 
 _PROBABILITY = 0.997
 _SMOOTH_PROBABILITY = 1.0 - 1e-7  # neighbours that meet smoothly are tangent unless the points speak clearly against it
@@ -22,8 +22,8 @@ _EXACT = 0.03  # an imposed equation holds as well as this share of the floor, a
 
 def select_relations(
     known: Sequence[Known], candidates: Sequence[Candidate], tangent: Sequence[tuple[Candidate, ...]], floors: Floors
-) -> tuple[list[Candidate], list[Candidate]]:
-    """Return the relations that hold all at once, and those that are refused.
+) -> tuple[list[Candidate], list[Candidate], dict[int, Primitive]]:
+    """Return the relations that hold all at once, those that are refused, and the primitives under the former, nearly.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ def select_relations(
             refused.append(ways[0])
         else:
             kept.append(best)
-    return kept, refused
+    return kept, refused, filter_.shapes
 
 
 class _Filter:

@@ -17,7 +17,7 @@ from scan2nurbs.surfaces.shape_parameters import COLUMNS, Primitive, moved, pose
 from scan2nurbs.surfaces.shape_solve import TUKEY, accumulate, distances
 
 _ROUNDS = 18
-_PATIENCE = 12  # rounds until the equations are brought to hold wherever the fit is
+_PATIENCE = 8  # rounds until the equations are brought to hold wherever the fit is
 _MET = 1e-14  # of the extent, and radians
 _SETTLED = 1e-3  # of χ²
 _SOFT = 1e-8  # keeps equations that follow from each other solvable
