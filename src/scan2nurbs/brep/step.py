@@ -18,7 +18,20 @@ SCHEMAS = {"AP242": "AP242DIS", "AP214": "AP214IS"}
 _ZEROS = re.compile(rb"(\.[0-9]*?)0+(?=[E,)\s;])")
 
 
-def write_step(path: Path, shape: Any, faces: Sequence[tuple[str, Any]], *, unit: str, kernel_unit: str, name: str, schema: str) -> None:
+Colour = tuple[float, float, float]
+
+
+def write_step(
+    path: Path,
+    shape: Any,
+    faces: Sequence[tuple[str, Any]],
+    *,
+    unit: str,
+    kernel_unit: str,
+    name: str,
+    schema: str,
+    colours: Sequence[Colour] | None = None,
+) -> None:
     """Write a shape whose numbers are in `kernel_unit` as a STEP file in `unit`.
 
     Parameters
@@ -26,11 +39,13 @@ def write_step(path: Path, shape: Any, faces: Sequence[tuple[str, Any]], *, unit
     path : Path
         Is overwritten.
     shape : TopoDS_Shape
-        A face or a compound of faces.
+        Faces, shells, solids, or a compound of them.
     faces : sequence of (name, TopoDS_Face)
         The faces of the shape and how they are called in the file.
     unit, kernel_unit, name, schema : str
         Two keys of `UNIT_NAMES`; the product's name, in ASCII; a key of `SCHEMAS`.
+    colours : sequence of (red, green, blue), optional
+        Of each face, in [0, 1], as the screen shows them (sRGB).
 
     Raises
     ------
@@ -38,18 +53,25 @@ def write_step(path: Path, shape: Any, faces: Sequence[tuple[str, Any]], *, unit
         If the kernel cannot translate the shape.
     """
     from OCP.Interface import Interface_Static
+    from OCP.STEPCAFControl import STEPCAFControl_Writer
     from OCP.STEPConstruct import STEPConstruct
     from OCP.STEPControl import STEPControl_StepModelType, STEPControl_Writer
     from OCP.TCollection import TCollection_HAsciiString
 
     silence()
     with EXPORT_LOCK, kernel_errors("write STEP"):
-        writer = STEPControl_Writer()  # the settings below exist only once a writer does
+        document = STEPCAFControl_Writer()  # the settings below exist only once a writer does
+        writer = document.ChangeWriter() if colours else STEPControl_Writer()
         Interface_Static.SetCVal_s("xstep.cascade.unit", UNIT_NAMES[kernel_unit])
         Interface_Static.SetCVal_s("write.step.unit", UNIT_NAMES[unit])
         Interface_Static.SetCVal_s("write.step.schema", SCHEMAS[schema])
         Interface_Static.SetIVal_s("write.step.assembly", 0)
-        _expect_done(writer.Transfer(shape, STEPControl_StepModelType.STEPControl_AsIs), "translate the shape to STEP")
+        if colours:
+            painted = _painted(shape, [face for _, face in faces], colours)
+            if not document.Transfer(painted, STEPControl_StepModelType.STEPControl_AsIs):
+                raise KernelError("The CAD kernel could not translate the shape to STEP.")
+        else:
+            _expect_done(writer.Transfer(shape, STEPControl_StepModelType.STEPControl_AsIs), "translate the shape to STEP")
         finder = writer.WS().TransferWriter().FinderProcess()
         for face_name, face in faces:
             entity = STEPConstruct.FindEntity_s(finder, face)
@@ -59,6 +81,23 @@ def write_step(path: Path, shape: Any, faces: Sequence[tuple[str, Any]], *, unit
         _set_product(model, name)
         _set_header(model, name)
         path.write_bytes(_as_text(model, writer.WS().Protocol()))
+
+
+def _painted(shape: Any, faces: Sequence[Any], colours: Sequence[Colour]) -> Any:
+    """Return a document that holds a shape and the colours of its faces."""
+    from OCP.Quantity import Quantity_Color, Quantity_TypeOfColor
+    from OCP.TCollection import TCollection_ExtendedString
+    from OCP.TDocStd import TDocStd_Document
+    from OCP.XCAFDoc import XCAFDoc_ColorType, XCAFDoc_DocumentTool
+
+    document = TDocStd_Document(TCollection_ExtendedString("XmlOcaf"))
+    shape_tool = XCAFDoc_DocumentTool.ShapeTool_s(document.Main())
+    colour_tool = XCAFDoc_DocumentTool.ColorTool_s(document.Main())
+    label = shape_tool.AddShape(shape, False)
+    for face, colour in zip(faces, colours, strict=True):
+        made = Quantity_Color(*colour, Quantity_TypeOfColor.Quantity_TOC_sRGB)
+        colour_tool.SetColor(shape_tool.AddSubShape(label, face), made, XCAFDoc_ColorType.XCAFDoc_ColorSurf)
+    return document
 
 
 def _set_product(model: Any, name: str) -> None:

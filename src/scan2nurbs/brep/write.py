@@ -44,7 +44,7 @@ FORMATS = {
 }
 """The formats of `write_model` by suffix."""
 
-_MESH_WRITERS = {"STL": mesh.write_stl, "PLY": mesh.write_ply, "OBJ": mesh.write_obj}
+MESH_WRITERS = {"STL": mesh.write_stl, "PLY": mesh.write_ply, "OBJ": mesh.write_obj}
 _DEFLECTION = 1e-3
 _FAR = "The coordinates lie so far from zero that CAD systems which work in millimetres may lose detail; they are exact in {}."
 
@@ -131,7 +131,7 @@ def write_model(
     offset = np.asarray(origin, np.float64)
     form = _checked(Path(path), faces, unit, schema, offset, deflection)
     named = [(f"bspline_{k}", face) for k, face in enumerate(faces, start=1)]
-    if form in _MESH_WRITERS or form == "3DM":
+    if form in MESH_WRITERS or form == "3DM":
         model = check(_compound([face.shape for face in faces]))
         notes = _write_plain(path, form, named, unit, offset, deflection)
         return WrittenModel(Path(path), form, unit, model, notes)
@@ -146,7 +146,7 @@ def write_model(
         elif form == "IGES":
             write_iges(temporary, whole, unit=unit, name=plain(name))
         else:
-            _write_brep(temporary, whole)
+            write_brep(temporary, whole)
         wrong = differences(temporary, [shape for _, shape in shapes], model, unit=inside)
         if wrong:
             raise OutputError(f"The file does not read back as it was written: {'; '.join(wrong)}.", path=os.fspath(path))
@@ -197,7 +197,7 @@ def _compound(shapes: Sequence[Any]) -> Any:
     return compound
 
 
-def _write_brep(path: Path, shape: Any) -> None:
+def write_brep(path: Path, shape: Any) -> None:
     from OCP.BRepTools import BRepTools
     from OCP.TopTools import TopTools_FormatVersion
 
@@ -228,5 +228,5 @@ def _write_plain(
         offset = np.zeros(3)
     meshes = [(label, tessellate_face(face, deflection=deflection)) for label, face in named]
     with atomic_path(path) as temporary:
-        _MESH_WRITERS[form](temporary, [(label, part.points + offset, part.triangles) for label, part in meshes])
+        MESH_WRITERS[form](temporary, [(label, part.points + offset, part.triangles) for label, part in meshes])
     return tuple(notes)

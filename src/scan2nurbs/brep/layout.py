@@ -1,0 +1,194 @@
+"""Faces laid out in their parameters: which way their borders go around, where the seam runs, and where it cuts borders."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from scan2nurbs.brep.borders import BorderCurve
+from scan2nurbs.brep.charts import Chart
+
+Floats = NDArray[np.float64]
+Path = tuple[tuple[int, bool], ...]
+
+_LEAST = 48
+_CLEAR = 1.5
+_NEAR = 0.02
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How a face lies in its parameters.
+
+    Attributes
+    ----------
+    chart : Chart
+        Turned so that its seam lies well.
+    cut : (bool, bool)
+        Whether the face goes around in u and in v, so that the seam there is a line within the face.
+    window : (float, float)
+        Where the period begins that holds the face.
+    """
+
+    chart: Chart
+    cut: tuple[bool, bool]
+    window: tuple[float, float]
+
+    def within(self, uv: Floats) -> Floats:
+        """Return the unwrapped parameters of a piece of border, moved by whole periods into the window."""
+        uv = unwrapped(uv, self.chart)
+        middle = uv[len(uv) // 2]
+        for axis, (period, start) in enumerate(zip(self.chart.period, self.window, strict=True)):
+            if period:
+                uv[:, axis] -= period * np.floor((middle[axis] - start) / period)
+        return uv
+
+
+def unwrapped(uv: Floats, chart: Chart) -> Floats:
+    """Undo the jumps by a period between consecutive parameters."""
+    uv = uv.copy()
+    for axis, period in enumerate(chart.period):
+        if period:
+            uv[:, axis] = np.unwrap(uv[:, axis], period=period)
+    return uv
+
+
+def lay_out(chart: Chart, loops: Sequence[Path], curves: Sequence[BorderCurve], marked: Sequence[Sequence[float]], h: float) -> Layout:
+    """Decide whether a face needs a seam, and where.
+
+    Parameters
+    ----------
+    chart : Chart
+        Of its surface.
+    loops : sequence of paths
+        Borders in order, with the face on their left as the surface's normal sees it.
+    curves : sequence of BorderCurve
+    marked : sequence of sequences of float
+        Parameters on every border where there is, or will be, a vertex between its ends.
+    h : float
+
+    Notes
+    -----
+    A face goes around if a loop of it does, or if no loop is an outer one (a whole sphere, with holes or without). The seam is laid
+    through a vertex or amid a wide gap between vertices, where it cuts the fewest borders.
+    """
+    around, outer = np.zeros(2, bool), False
+    paths = []
+    for loop in loops:
+        uv = loop_uv(chart, loop, curves)
+        turns = np.array([round((uv[-1, k] - uv[0, k]) / p) if p else 0 for k, p in enumerate(chart.period)])
+        around |= turns != 0
+        outer |= not turns.any() and _area(uv) > 0
+        paths.append((uv, turns))
+    whole = not around.any() and not outer
+    closed = np.array([p is not None for p in chart.period])
+    cut = (around | whole) & closed
+    window = list(chart.start)
+    for axis in (0, 1):
+        if not closed[axis]:
+            continue
+        if not cut[axis]:
+            window[axis] = _widest_gap(np.concatenate([uv[:, axis] for uv, _ in paths]), chart.period[axis] or 1.0)
+            chart, window[axis] = chart.turned(window[axis], axis)
+        elif axis == 0:
+            chart, window[axis] = chart.turned(_best_seam(chart, loops, curves, marked, paths, h), axis)
+    return Layout(chart, (bool(cut[0]), bool(cut[1])), (window[0], window[1]))
+
+
+def _widest_gap(values: Floats, period: float) -> float:
+    """Return the middle of the widest interval of a period that holds no value."""
+    places = np.unique(values % period)
+    gaps = np.diff(np.append(places, places[0] + period))
+    k = int(np.argmax(gaps))
+    return float((places[k] + 0.5 * gaps[k]) % period)
+
+
+def loop_uv(chart: Chart, loop: Path, curves: Sequence[BorderCurve]) -> Floats:
+    """Return the unwrapped parameters (K, 2) along a loop, from its start to where it comes back to it."""
+    points = []
+    for border, forward in loop:
+        at = curves[border].curve(curves[border].curve.samples(_LEAST))
+        points.append(at if forward else at[::-1])
+    return unwrapped(chart.uv(np.vstack(points)), chart)
+
+
+def cuts(layout: Layout, curve: BorderCurve, h: float) -> list[float]:
+    """Return the parameters between a border's ends where the seams of a face cut it."""
+    found: list[float] = []
+    chart = layout.chart
+    t = curve.curve.samples(_LEAST)
+    uv = unwrapped(chart.uv(curve.curve(t)), chart)
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(curve.curve(t), axis=0), axis=1))])
+    for axis in (0, 1):
+        period = chart.period[axis]
+        if not (layout.cut[axis] and period):
+            continue
+        turns = (uv[:, axis] - chart.start[axis]) / period
+        for k in range(len(t) - 1):
+            low, high = sorted((turns[k], turns[k + 1]))
+            for line in range(int(np.ceil(low)), int(np.floor(high)) + 1):
+                if turns[k + 1] == line and k + 1 < len(t) - 1:
+                    continue
+                root = _root(chart, axis, curve, (t[k], t[k + 1]), (turns[k], turns[k + 1]), line)
+                at = float(np.interp(root, t, length))
+                if _NEAR * h < at < length[-1] - _NEAR * h:
+                    found.append(root)
+    return sorted(found)
+
+
+def _root(chart: Chart, axis: int, curve: BorderCurve, t: tuple[float, float], turns: tuple[float, float], line: int) -> float:
+    if turns[0] == line or turns[1] == line:
+        return float(t[0] if turns[0] == line else t[1])
+    period = chart.period[axis] or 1.0
+    middle = 0.5 * (turns[0] + turns[1])
+
+    def off(at: float) -> float:
+        turn = (chart.uv(curve.curve(np.array([at])))[0, axis] - chart.start[axis]) / period
+        return turn + round(middle - turn) - line
+
+    if off(t[0]) * off(t[1]) > 0:
+        return float(np.interp(line, *zip(*sorted(zip(turns, t, strict=True)), strict=True)))
+    return float(brentq(off, t[0], t[1], xtol=1e-15 * max(1.0, abs(t[1])), rtol=1e-14))
+
+
+def _area(uv: Floats) -> float:
+    u, v = (uv - uv[0]).T
+    return 0.5 * float(np.sum(u * np.roll(v, -1) - np.roll(u, -1) * v))
+
+
+def _best_seam(
+    chart: Chart, loops: Sequence[Path], curves: Sequence[BorderCurve], marked: Sequence[Sequence[float]], paths: list, h: float
+) -> float:
+    """Return the u where the seam meets the fewest borders and passes vertices exactly or not at all."""
+    period, start = chart.period[0] or 1.0, chart.start[0]
+    vertices = [np.empty((0, 3))]
+    for border, _ in {border: None for loop in loops for border in loop}:
+        domain = curves[border].curve.domain
+        ends = [] if curves[border].closed and not marked[border] else [*marked[border]]
+        ends += [] if curves[border].closed else [*domain]
+        vertices.append(curves[border].curve(np.array(ends)) if ends else np.empty((0, 3)))
+    at = np.vstack(vertices)
+    uv = chart.uv(at) if len(at) else np.empty((0, 2))
+    step = 1e-4 * period
+    stretch = np.linalg.norm(chart.point(uv + [step, 0.0]) - chart.point(uv), axis=1) / step if len(at) else np.empty(0)
+    places = np.unique(uv[:, 0])
+    gaps = np.append(places, places[:1] + period) if len(places) else start + period * np.arange(9) / 8
+    candidates = np.concatenate([start + period * np.arange(8) / 8, places, start + (0.5 * (gaps[:-1] + gaps[1:]) - start) % period])
+    best, least = start, np.inf
+    for u in candidates:
+        off = np.abs((uv[:, 0] - u + 0.5 * period) % period - 0.5 * period) * stretch
+        hit = off <= _NEAR * h
+        crossings = 0
+        for path, _ in paths:
+            turns = np.floor((path[:, 0] - u) / period)
+            crossings += int(np.abs(np.diff(turns)).sum())
+        near = off[~hit].min(initial=np.inf)
+        cost = max(crossings - int(hit.sum()), 0) + (10.0 if near < 0.5 * h else 1.0 if near < _CLEAR * h else 0.0)
+        cost += 0.01 * (off[hit].max(initial=0.0) / h)
+        if cost < least - 1e-9:
+            best, least = float(u), cost
+    return best

@@ -1,0 +1,290 @@
+"""A whole part: faces trimmed along shared edges, shells and solids, checked and measured against the scan."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scan2nurbs.brep.borders import BorderCurve
+from scan2nurbs.brep.check import ModelCheck, check, is_valid
+from scan2nurbs.brep.deviation import deviation
+from scan2nurbs.brep.face import kernel_scale
+from scan2nurbs.brep.occ import KernelError, silence
+from scan2nurbs.brep.shared import SharedFaces, trim_faces
+from scan2nurbs.brep.solids import assemble, volume
+from scan2nurbs.errors import NoResultError
+from scan2nurbs.kernels.runner import Progress
+from scan2nurbs.scale import Scale
+
+Floats = NDArray[np.float64]
+
+_ROUNDS = 3
+
+
+@dataclass(frozen=True, kw_only=True)
+class PartParams:
+    """How a part is built.
+
+    Attributes
+    ----------
+    widest : float
+        Largest tolerance of an edge, in h, > 0: where curves and surfaces lie further apart, a face is trimmed by its own outline.
+    reach : float
+        Distance, in h and beyond three times the noise, up to which points and model belong together, > 0.
+    """
+
+    widest: float = 0.5
+    reach: float = 1.0
+
+
+@dataclass(frozen=True)
+class PartFace:
+    """A face of the model.
+
+    Attributes
+    ----------
+    number : int
+        Of its surface among the fits; faces whose points fall apart have one surface.
+    kind : str
+        Of its surface.
+    shapes : tuple of TopoDS_Face
+        Usually one; several where the face consists of pieces that do not touch; none where it was lost.
+    area : float
+        In the unit of the cloud, squared.
+    trimmed : {"shared", "followed", "alone", "lost"}
+        By edges shared with its neighbours; by shared edges that follow the borders' points; by its own outline.
+    """
+
+    number: int
+    kind: str
+    shapes: tuple[Any, ...] = field(repr=False)
+    area: float
+    trimmed: str
+
+
+@dataclass(frozen=True)
+class PartEdge:
+    """An edge between two faces, or at a free border.
+
+    Attributes
+    ----------
+    faces : (int, int)
+        Left and right, seen from outside; -1 where the scan ends.
+    kind : {"line", "circle", "spline"}
+    mode : {"crossing", "contact", "middle"}
+        How the two surfaces meet.
+    gap : float
+        Largest distance of the edge to its surfaces, in the cloud's unit.
+    angle : float
+        Median angle between the surfaces, in degrees; 180 at a free border.
+    length : float
+    points : (K, 3) float64
+        Places along it.
+    """
+
+    faces: tuple[int, int]
+    kind: str
+    mode: str
+    gap: float
+    angle: float
+    length: float
+    points: Floats = field(repr=False)
+
+
+@dataclass(frozen=True)
+class PartModel:
+    """A part as an object of the CAD kernel, and what is known about it.
+
+    Attributes
+    ----------
+    shape : TopoDS_Shape
+        A solid, a shell, or a compound of them; its lengths are the cloud's times `kernel_scale`.
+    kernel_scale : float
+    faces : tuple of PartFace
+    edges : tuple of PartEdge
+    valid, closed : bool
+        Valid by the kernel's own analysis, triangulated, too; closed if every edge has two faces.
+    n_free_edges, n_solids : int
+    volume, area, max_tolerance : float
+        In the cloud's unit, cubed and squared.
+    coverage, precision, rms : float
+        As in `Deviation`.
+    notes : tuple of str
+        What fell back, one sentence each.
+    """
+
+    shape: Any = field(repr=False)
+    kernel_scale: float
+    faces: tuple[PartFace, ...]
+    edges: tuple[PartEdge, ...]
+    valid: bool
+    closed: bool
+    n_free_edges: int
+    n_solids: int
+    volume: float
+    area: float
+    max_tolerance: float
+    coverage: float
+    precision: float
+    rms: float
+    notes: tuple[str, ...]
+
+
+def build_part(
+    points: Floats,
+    fits: Sequence[Any],
+    topology: Any,
+    scale: Scale,
+    params: PartParams | None = None,
+    progress: Progress | None = None,
+) -> PartModel:
+    """Build the model of a part from its surfaces and from how they meet.
+
+    Parameters
+    ----------
+    points : (N, 3) float64
+        The cloud's points, against which the model is measured.
+    fits : sequence of ShapeFit
+        The surface of each face.
+    topology : Topology
+        Borders, vertices and loops.
+    scale : Scale
+    params : PartParams, optional
+    progress : callable, optional
+
+    Raises
+    ------
+    NoResultError
+        If no face could be made at all.
+    """
+    silence()
+    params = params or PartParams()
+    if not len(fits):
+        raise NoResultError("There is no face to build a model of.")
+    factor = kernel_scale(float(np.linalg.norm(np.ptp(points, axis=0))))
+    tell = progress or (lambda done, total: None)
+    shapes = [fits[k].shape for k in topology.source]
+    made, caution, notes = _trimmed(shapes, topology, scale.h, factor, params, tell)
+    faces, how = _completed(made, shapes, topology, scale.h, factor, caution, notes)
+    tell(_ROUNDS + 1, _ROUNDS + 2)
+    model = _model(points, shapes, topology, made, faces, how, scale, factor, params, notes)
+    tell(_ROUNDS + 2, _ROUNDS + 2)
+    return model
+
+
+def _trimmed(
+    shapes: list[Any], topology: Any, h: float, factor: float, params: PartParams, tell: Progress
+) -> tuple[SharedFaces, list[int], list[str]]:
+    """Trim the faces; where some fail, their borders are laid anew, closer to the points that they came from."""
+    caution = [0] * len(topology.borders)
+    best: SharedFaces | None = None
+    best_caution, least = caution, np.inf
+    for turn in range(_ROUNDS):
+        made = trim_faces(shapes, topology, h, factor, caution)
+        wide = {k for k, curve in enumerate(made.curves) if curve.gap > 0.9 * params.widest * h}
+        bad = len(made.failures) + len(wide)
+        if bad < least:
+            best, best_caution, least = made, list(caution), bad
+        tell(turn + 1, _ROUNDS + 2)
+        if not bad:
+            break
+        failed = {k for f in made.failures for loop in topology.loops[f] for k, _ in loop}
+        caution = [min(care + (k in failed or k in wide), 2) for k, care in enumerate(caution)]
+    assert best is not None
+    return best, best_caution, []
+
+
+def _completed(
+    made: SharedFaces, shapes: list[Any], topology: Any, h: float, factor: float, caution: list[int], notes: list[str]
+) -> tuple[list[tuple[Any, ...]], list[str]]:
+    """Give faces that failed an outline of their own."""
+    faces, how = list(made.faces), []
+    for f in range(len(shapes)):
+        if f not in made.failures:
+            borders = {k for loop in topology.loops[f] for k, _ in loop}
+            how.append("followed" if any(caution[k] for k in borders) else "shared")
+            continue
+        faces[f] = _alone(f, shapes, topology, h, factor)
+        how.append("alone" if faces[f] else "lost")
+        why = f"Face {f + 1} ({shapes[f].kind}) does not fit its neighbours ({made.failures[f].rstrip('.')}): "
+        notes.append(why + ("it has its own outline." if faces[f] else "it could not be made."))
+    return faces, how
+
+
+def _alone(f: int, shapes: list[Any], topology: Any, h: float, factor: float) -> tuple[Any, ...]:
+    borders, loops = [], []
+    for loop in topology.loops[f]:
+        path = []
+        for k, forward in loop:
+            border = topology.borders[k]
+            path.append((len(borders), forward))
+            borders.append(replace(border, faces=(0, -1) if forward else (-1, 0)))
+        loops.append(tuple(path))
+    lone = replace(topology, borders=tuple(borders), loops=(tuple(loops),), outward=topology.outward[f : f + 1])
+    for care in (0, 1, 2):
+        try:
+            made = trim_faces([shapes[f]], lone, h, factor, [care] * len(borders))
+        except NoResultError:
+            continue
+        if not made.failures:
+            return made.faces[0]
+    return ()
+
+
+def _model(
+    points: Floats,
+    shapes: list[Any],
+    topology: Any,
+    made: SharedFaces,
+    faces: list[tuple[Any, ...]],
+    how: list[str],
+    scale: Scale,
+    factor: float,
+    params: PartParams,
+    notes: list[str],
+) -> PartModel:
+    every = [face for pieces in faces for face in pieces]
+    if not every:
+        raise NoResultError("No face of the part could be made.")
+    whole = assemble(every)
+    found = check(whole.shape)
+    measured = deviation(whole.shape, points, h=scale.h, reach=params.reach * scale.h + 3.0 * scale.noise, scale=factor)
+    return PartModel(
+        shape=whole.shape,
+        kernel_scale=factor,
+        faces=tuple(
+            PartFace(int(topology.source[f]), shapes[f].kind, pieces, sum(_area(face) for face in pieces) / factor**2, how[f])
+            for f, pieces in enumerate(faces)
+        ),
+        edges=tuple(_edge(curve) for curve in made.curves),
+        valid=found.valid,
+        closed=found.closed,
+        n_free_edges=whole.n_free_edges,
+        n_solids=whole.n_solids,
+        volume=(abs(volume(whole.shape)) if found.closed else 0.0) / factor**3,
+        area=found.area / factor**2,
+        max_tolerance=found.max_tolerance / factor,
+        coverage=measured.coverage,
+        precision=measured.precision,
+        rms=measured.rms,
+        notes=tuple(notes),
+    )
+
+
+def _edge(curve: BorderCurve) -> PartEdge:
+    points = curve.curve(curve.curve.samples(64))
+    length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+    return PartEdge(curve.faces, curve.curve.kind, curve.mode, curve.gap, curve.angle, length, points)
+
+
+def _area(face: Any) -> float:
+    from OCP.BRepGProp import BRepGProp  # pyright: ignore[reportAttributeAccessIssue]
+    from OCP.GProp import GProp_GProps  # pyright: ignore[reportAttributeAccessIssue]
+
+    found = GProp_GProps()
+    BRepGProp.SurfaceProperties_s(face, found)
+    return abs(float(found.Mass()))

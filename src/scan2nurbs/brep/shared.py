@@ -1,0 +1,192 @@
+"""Faces of a part trimmed along shared borders, by one set of curves for all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scan2nurbs.brep.borders import BorderCurve, lay_borders
+from scan2nurbs.brep.charts import chart_of
+from scan2nurbs.brep.check import is_valid
+from scan2nurbs.brep.layout import Layout, cuts, lay_out
+from scan2nurbs.brep.occ import kernel_errors
+from scan2nurbs.brep.regions import regions
+from scan2nurbs.brep.sharing import KernelPart, Piece, steps_of
+from scan2nurbs.brep.wide import widened
+from scan2nurbs.errors import NoResultError
+from scan2nurbs.surfaces.shape import Shape
+
+Floats = NDArray[np.float64]
+
+_NEAR = 0.02
+
+
+@dataclass(frozen=True)
+class SharedFaces:
+    """Faces on shared edges.
+
+    Attributes
+    ----------
+    faces : tuple of tuples of TopoDS_Face
+        Of each face of the topology; usually one, none where it failed.
+    failures : dict of int to str
+        Why a face failed.
+    curves : tuple of BorderCurve
+        One a border.
+    """
+
+    faces: tuple[tuple[Any, ...], ...]
+    failures: dict[int, str]
+    curves: tuple[BorderCurve, ...]
+
+
+@dataclass
+class _Work:
+    curves: list[BorderCurve]
+    vertices: Floats
+    marks: list[list[float]]
+    pieces: list[Piece] = field(default_factory=list)
+    of_border: list[list[int]] = field(default_factory=list)
+    failures: dict[int, str] = field(default_factory=dict)
+
+
+def trim_faces(shapes: Sequence[Shape], topology: Any, h: float, scale: float, caution: Sequence[int] | None = None) -> SharedFaces:
+    """Trim the faces of a topology along curves that are laid once a border.
+
+    Parameters
+    ----------
+    shapes : sequence of Shape
+        Of each face.
+    topology : Topology
+    h : float
+        Spacing of the cloud.
+    scale : float
+        Kernel lengths over the cloud's.
+    caution : sequence of int, optional
+        As in `lay_borders`.
+    """
+    shapes = [widened(shape, _border_points(topology, f), h) for f, shape in enumerate(shapes)]
+    curves, vertices = lay_borders(topology.borders, topology.vertices, shapes, h, caution)
+    work = _Work(curves, vertices, [[] for _ in curves])
+    layouts = [_layout(work, shape, _loops(topology, f), f, h, scale) for f, shape in enumerate(shapes)]
+    _cut(work)
+    kernel = KernelPart(work.vertices, work.pieces, scale, 0.0)
+    faces: list[list[Any]] = [[] for _ in shapes]
+    for f, layout in enumerate(layouts):
+        if layout is None:
+            continue
+        try:
+            loops = [[p for k, forward in loop for p in _pieces_of(work, k, forward)] for loop in _loops(topology, f)]
+            for wires in regions(layout, [steps_of(layout, loop, work.pieces) for loop in loops]):
+                with kernel_errors("make the face"):
+                    faces[f].append(kernel.face(layout, wires, topology.outward[f] < 0))
+        except (NoResultError, ValueError, IndexError) as error:
+            work.failures[f], faces[f] = str(error), []
+    for f, made in enumerate(faces):
+        if made and not all(is_valid(face) for face in made):
+            work.failures[f] = "The CAD kernel's check finds it invalid."
+    return SharedFaces(tuple(tuple(made) for made in faces), work.failures, tuple(work.curves))
+
+
+def _border_points(topology: Any, f: int) -> Floats:
+    return np.vstack([np.empty((0, 3)), *(topology.borders[k].points for loop in topology.loops[f] for k, _ in loop)])
+
+
+def _layout(work: _Work, shape: Shape, loops: list[Any], f: int, h: float, scale: float) -> Layout | None:
+    try:
+        chart = chart_of(shape, scale, towards=_axis(shape, loops, work.curves))
+        layout = lay_out(chart, loops, work.curves, work.marks, h)
+        if any(layout.cut):
+            for k in sorted({k for loop in loops for k, _ in loop}):
+                _mark(work.marks[k], cuts(layout, work.curves[k], h), work.curves[k], h)
+    except (NoResultError, ValueError) as error:
+        work.failures[f] = str(error)
+        return None
+    return layout
+
+
+def _loops(topology: Any, f: int) -> list[tuple[tuple[int, bool], ...]]:
+    loops = topology.loops[f]
+    if topology.outward[f] > 0:
+        return list(loops)
+    return [tuple((k, not forward) for k, forward in reversed(loop)) for loop in loops]
+
+
+def _pieces_of(work: _Work, border: int, forward: bool) -> list[tuple[int, bool]]:
+    numbers = work.of_border[border]
+    return [(p, forward) for p in (numbers if forward else numbers[::-1])]
+
+
+def _mark(marks: list[float], found: list[float], curve: BorderCurve, h: float) -> None:
+    for t in found:
+        here = curve.curve(np.array([t, *marks]))
+        if not marks or np.linalg.norm(here[1:] - here[0], axis=1).min() > _NEAR * h:
+            marks.append(t)
+
+
+def _cut(work: _Work) -> None:
+    vertices = list(work.vertices)
+
+    def vertex(point: Floats) -> int:
+        vertices.append(point)
+        return len(vertices) - 1
+
+    for k, border in enumerate(work.curves):
+        marks = sorted(work.marks[k])
+        if border.closed:
+            if marks:
+                points = border.curve(np.array(marks[1:])) if len(marks) > 1 else []
+                curve = border.curve.started_at(marks[0])
+                work.curves[k] = border = replace(border, curve=curve)
+                marks = [
+                    t - marks[0] if border.curve.kind == "circle" else _nearest(border.curve, p)
+                    for t, p in zip(marks[1:], points, strict=True)
+                ]
+            low, high = border.curve.domain
+            at = [low, *sorted(marks), high]
+            nodes = [vertex(border.curve(np.array([t]))[0]) for t in at[:-1]]
+            nodes.append(nodes[0])
+        else:
+            at = [border.curve.domain[0], *marks, border.curve.domain[1]]
+            nodes = [border.vertices[0], *(vertex(border.curve(np.array([t]))[0]) for t in marks), border.vertices[1]]
+        numbers = []
+        for i in range(len(at) - 1):
+            numbers.append(len(work.pieces))
+            work.pieces.append(Piece(k, border.curve, (at[i], at[i + 1]), (nodes[i], nodes[i + 1]), border.gap))
+        work.of_border.append(numbers)
+    work.vertices = np.array(vertices).reshape(-1, 3)
+
+
+def _axis(shape: Any, loops: Any, curves: Sequence[BorderCurve]) -> Floats | None:
+    """Return a direction for the axis of a sphere whose poles lie far from all borders; that of a circle of it, if there is one."""
+    if shape.kind != "sphere" or not loops:
+        return None
+    lines = [curves[k].curve(curves[k].curve.samples(32)) for loop in loops for k, _ in loop]
+    away = np.vstack(lines) - shape.center
+    away /= np.linalg.norm(away, axis=1)[:, None]
+    k = np.arange(200) + 0.5
+    tilt, turn = np.arccos(1 - k / 200), np.pi * (1 + 5**0.5) * k
+    directions = np.column_stack([np.cos(turn) * np.sin(tilt), np.sin(turn) * np.sin(tilt), np.cos(tilt)])
+    clear = 1.0 - np.abs(directions @ away.T).max(axis=1)
+    best, bonus = directions[int(np.argmax(clear))], float(clear.max())
+    for loop in loops:
+        for b, _ in loop:
+            c = curves[b].curve
+            if c.kind == "circle":
+                z = np.cross(c.x, c.y)
+                room = 1.0 - float(np.abs(away @ z).max())
+                if room > 0.2 * bonus:
+                    return z
+    return best
+
+
+def _nearest(curve: Any, point: Floats) -> float:
+    t = np.linspace(*curve.domain, 4096)
+    for _ in range(4):
+        k = int(np.argmin(np.linalg.norm(curve(t) - point, axis=1)))
+        t = np.linspace(t[max(k - 1, 0)], t[min(k + 1, len(t) - 1)], 64)
+    return float(t[len(t) // 2])
