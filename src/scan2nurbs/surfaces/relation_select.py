@@ -18,6 +18,7 @@ _PROBABILITY = 0.997
 _SMOOTH_PROBABILITY = 1.0 - 1e-7  # neighbours that meet smoothly are tangent unless the points speak clearly against it
 _SMOOTH_FLOOR = 2.0
 _EXACT = 0.03  # an imposed equation holds as well as this share of the floor, as far as the filter is concerned
+_FELT = 1e-3  # standard deviations that a primitive must move to be moved
 
 
 def select_relations(
@@ -87,7 +88,8 @@ class _Filter:
         spread = values.slope @ reach[index] + np.diag((_EXACT * floor) ** 2)
         gain = np.linalg.solve(spread, reach.T).T
         step = -gain @ values.value
+        felt = np.abs(step) > _FELT * np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
         self.covariance -= gain @ reach.T
         for face, at in self.at.items():
-            if np.any(step[at]):
+            if felt[at].any():
                 self.shapes[face] = moved(self.shapes[face], room(self.shapes[face], step[at]) * step[at])
