@@ -80,7 +80,7 @@ def test_a_free_surface_becomes_a_spline_whose_feet_are_nearest():
     expected = KDTree(shape.surface.evaluate(grid)).query(near)[0]
     found = np.abs(shape.distance(near))
     assert (found <= expected + 1e-9).all()
-    assert (found >= expected - 0.02).all()
+    assert (found >= expected - 0.1).all()  # the spacing of the net
     np.testing.assert_allclose(np.linalg.norm(near - shape.foot(near), axis=1), found, atol=1e-9)
     np.testing.assert_allclose(np.linalg.norm(shape.normal(near), axis=1), 1.0)
 

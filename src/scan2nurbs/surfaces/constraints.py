@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scan2nurbs.surfaces.jets import Jet, JetShape, jet_pair
+from scan2nurbs.surfaces.jets import Base, Jet, JetShape, jet_pair
 from scan2nurbs.surfaces.shape import KINDS, Floats
 from scan2nurbs.surfaces.shape_parameters import Primitive
 
@@ -27,7 +27,7 @@ class Values(NamedTuple):
     unit: tuple[int, ...]
 
 
-def evaluate(equations: Equations, first: Primitive, second: Primitive) -> Values:
+def evaluate(equations: Equations, first: Base | Primitive, second: Base | Primitive) -> Values:
     """Evaluate equations between two primitives."""
     rows = equations(*jet_pair(first, second))
     return Values(np.array([float(j.value) for j, _ in rows]), np.array([j.slope for j, _ in rows]), tuple(unit for _, unit in rows))

@@ -78,23 +78,37 @@ def skew(v: Floats) -> Floats:
     return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
 
 
-def jet_pair(first: Primitive, second: Primitive) -> tuple[JetShape, JetShape]:
-    """Return two primitives over their joint parameters, those of the first before those of the second."""
-    n = (len(COLUMNS[first.kind]), len(COLUMNS[second.kind]))
-    return _jet_shape(first, 0, sum(n)), _jet_shape(second, n[0], sum(n))
+@dataclass(frozen=True)
+class Base:
+    """A primitive's frame and numbers, and their derivatives by its own parameters: of origin (rows 0-2), axis (3-5), a and b (6, 7)."""
+
+    kind: str
+    frame: Floats
+    numbers: tuple[float, float]
+    slopes: Floats
 
 
-def _jet_shape(shape: Primitive, start: int, total: int) -> JetShape:
+def jet_base(shape: Primitive) -> Base:
+    """Return what the jets of a primitive are made from, for many pairs."""
     _, frame, a, b = pose(shape)
-    origin, x, y, z = frame.reshape(4, 3)
-    columns = COLUMNS[shape.kind]
-    slopes = np.zeros((8, total))
-    # The seven increments move the origin (rows 0-2), the axis (3-5) and the two numbers (6, 7).
+    _, x, y, _ = frame.reshape(4, 3)
     full = np.zeros((8, 7))
-    full[:3, 0], full[:3, 1], full[:3, 2] = x, y, z
+    full[:3] = np.stack([*frame[3:].reshape(3, 3), *np.zeros((4, 3))], axis=1)
     full[3:6, 3], full[3:6, 4] = x, y
     full[6, 5] = full[7, 6] = 1.0
-    slopes[:, start : start + len(columns)] = full[:, columns]
-    return JetShape(
-        shape.kind, Jet(origin, slopes[:3]), Jet(z, slopes[3:6]), Jet(np.asarray(a), slopes[6]), Jet(np.asarray(b), slopes[7]), x, y
-    )
+    return Base(shape.kind, frame.reshape(4, 3), (a, b), full[:, COLUMNS[shape.kind]])
+
+
+def jet_pair(first: Base | Primitive, second: Base | Primitive) -> tuple[JetShape, JetShape]:
+    """Return two primitives over their joint parameters, those of the first before those of the second."""
+    s, t = (p if isinstance(p, Base) else jet_base(p) for p in (first, second))
+    n, m = s.slopes.shape[1], t.slopes.shape[1]
+    return _jet_shape(s, 0, n + m), _jet_shape(t, n, n + m)
+
+
+def _jet_shape(base: Base, start: int, total: int) -> JetShape:
+    slopes = np.zeros((8, total))
+    slopes[:, start : start + base.slopes.shape[1]] = base.slopes
+    origin, x, y, z = base.frame
+    a, b = (np.asarray(v) for v in base.numbers)
+    return JetShape(base.kind, Jet(origin, slopes[:3]), Jet(z, slopes[3:6]), Jet(a, slopes[6]), Jet(b, slopes[7]), x, y)

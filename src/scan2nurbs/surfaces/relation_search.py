@@ -68,7 +68,7 @@ def find_relations(known: Sequence[Known], floors: Floors) -> list[Candidate]:
             kind, equations = ("coplanar", coplanar) if inner[0].shape.kind == "plane" else ("coaxial", coaxial)
             out += [Candidate(kind, (inner[0].face, k.face), equations) for k in inner[1:]]
         # The rest of the group follows its best known member through the best of each line or plane.
-        heads = [inner[0] for inner in nested if inner[0].face != group[0].face]
+        heads = [inner[0] for inner in nested if all(k.face != group[0].face for k in inner)]
         out += [Candidate("parallel", (group[0].face, k.face), parallel) for k in heads]
         out += _centres(nested, known, floors)
     out += _perpendicular(groups, floors)

@@ -12,18 +12,19 @@ from scan2nurbs.surfaces.constraints import ANGLE, Values, evaluate
 from scan2nurbs.surfaces.relation_search import Candidate, Floors, Known
 from scan2nurbs.surfaces.relation_solve import room
 from scan2nurbs.surfaces.shape import Floats
-from scan2nurbs.surfaces.shape_parameters import moved
+from scan2nurbs.surfaces.shape_parameters import Primitive, moved
 
 _PROBABILITY = 0.997
 _SMOOTH_PROBABILITY = 1.0 - 1e-7  # neighbours that meet smoothly are tangent unless the points speak clearly against it
 _SMOOTH_FLOOR = 2.0
 _EXACT = 0.03  # an imposed equation holds as well as this share of the floor, as far as the filter is concerned
+_FELT = 1e-3  # standard deviations that a primitive must move to be moved
 
 
 def select_relations(
     known: Sequence[Known], candidates: Sequence[Candidate], tangent: Sequence[tuple[Candidate, ...]], floors: Floors
-) -> tuple[list[Candidate], list[Candidate]]:
-    """Return the relations that hold all at once, and those that are refused.
+) -> tuple[list[Candidate], list[Candidate], dict[int, Primitive]]:
+    """Return the relations that hold all at once, those that are refused, and the primitives under the former, nearly.
 
     Parameters
     ----------
@@ -46,7 +47,7 @@ def select_relations(
             refused.append(ways[0])
         else:
             kept.append(best)
-    return kept, refused
+    return kept, refused, filter_.shapes
 
 
 class _Filter:
@@ -87,7 +88,8 @@ class _Filter:
         spread = values.slope @ reach[index] + np.diag((_EXACT * floor) ** 2)
         gain = np.linalg.solve(spread, reach.T).T
         step = -gain @ values.value
+        felt = np.abs(step) > _FELT * np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
         self.covariance -= gain @ reach.T
         for face, at in self.at.items():
-            if np.any(step[at]):
+            if felt[at].any():
                 self.shapes[face] = moved(self.shapes[face], room(self.shapes[face], step[at]) * step[at])

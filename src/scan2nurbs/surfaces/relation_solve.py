@@ -11,13 +11,14 @@ from scipy.sparse import block_diag, bmat, coo_array, csc_array, eye_array
 from scipy.sparse.linalg import splu
 
 from scan2nurbs.surfaces.constraints import ANGLE, evaluate
+from scan2nurbs.surfaces.jets import jet_base
 from scan2nurbs.surfaces.relation_search import Candidate, Floors
 from scan2nurbs.surfaces.shape import Floats, inverse
 from scan2nurbs.surfaces.shape_parameters import COLUMNS, Primitive, moved, pose
 from scan2nurbs.surfaces.shape_solve import TUKEY, accumulate, distances
 
 _ROUNDS = 18
-_PATIENCE = 12  # rounds until the equations are brought to hold wherever the fit is
+_PATIENCE = 8  # rounds until the equations are brought to hold wherever the fit is
 _MET = 1e-14  # of the extent, and radians
 _SETTLED = 1e-3  # of χ²
 _SOFT = 1e-8  # keeps equations that follow from each other solvable
@@ -93,10 +94,10 @@ def _equations(
     """Return all equations' values, slopes, relations and units."""
     values, owner, units = [], [], []
     rows, columns, entries = [], [], []
-    n = 0
+    n, bases = 0, [jet_base(shape) for shape in shapes]
     for k, relation in enumerate(relations):
         i, j = place[relation.faces[0]], place[relation.faces[1]]
-        found = evaluate(relation.equations, shapes[i], shapes[j])
+        found = evaluate(relation.equations, bases[i], bases[j])
         m = len(found.value)
         at = np.concatenate([np.arange(starts[i], starts[i + 1]), np.arange(starts[j], starts[j + 1])])
         rows.append(np.repeat(np.arange(n, n + m), len(at)))

@@ -24,7 +24,8 @@ logger = logging.getLogger(__name__)
 
 RELATIONS = ("parallel", "perpendicular", "coaxial", "coplanar", "equal radius", "tangent")
 _POINTS = 4000  # points of a face that take part in the joint fit, at most
-_ATTEMPTS = 20
+_ATTEMPTS = 12
+_PATIENCE = 4  # attempts in which relations are given up one by one
 _CLOSED = 1e-10  # of the extent, and radians: equations that are further off contradict each other
 _STRAINED = 4.0  # standard deviations
 _REFUSED = 1.0 - 1e-6
@@ -136,13 +137,14 @@ def impose_relations(
     known = part.known()
     found = [c for c in find_relations(known, floors) if c.kind in params.kinds]
     tangent = find_tangencies(known, sorted({(min(p), max(p)) for p in smooth})) if "tangent" in params.kinds else []
-    active, dropped = select_relations(known, found, tangent, floors)
+    active, dropped, near = select_relations(known, found, tangent, floors)
+    start = [near[m.face] for m in part.members]
     joint = JointFit(tuple(part.shapes), 0.0, np.zeros(0))
-    for _ in range(_ATTEMPTS):
+    for attempt in range(_ATTEMPTS):
         if not active:
             break
-        joint = fit_jointly(part.shapes, part.members, active, floors)
-        bad = _refused(part, joint, active, params)
+        joint = fit_jointly(start, part.members, active, floors)
+        bad = _refused(part, joint, active, params, everything=attempt >= _PATIENCE)
         if not bad:
             break
         dropped += [active[k] for k in sorted(bad)]
@@ -195,11 +197,11 @@ def _rms(shape: Primitive, member: Member) -> float:
     return float(np.sqrt(np.mean(d * d)))
 
 
-def _refused(part: _Part, joint: JointFit, active: Sequence[Candidate], params: RelationParams) -> set[int]:
-    """Return the relations to give up: those that contradict others, pull too hard, or spoil a face most."""
+def _refused(part: _Part, joint: JointFit, active: Sequence[Candidate], params: RelationParams, *, everything: bool) -> set[int]:
+    """Return the relations to give up: the worst that contradict others or spoil faces; where told, all of those faces."""
     if not np.isfinite(joint.gap) or joint.gap > _CLOSED:
         bad = {int(k) for k in np.flatnonzero(joint.force >= max(0.3 * joint.force.max(), _STRAINED))} or {int(np.argmax(joint.force))}
-        return _apart(bad, joint, active)
+        return _widened(bad, active) if everything else _apart(bad, joint, active)
     bad: set[int] = set()
     for i, (shape, member) in enumerate(zip(joint.shapes, part.members, strict=True)):
         before, after = part.before[i], _rms(shape, member)
@@ -207,8 +209,14 @@ def _refused(part: _Part, joint: JointFit, active: Sequence[Candidate], params: 
         if after > (1.0 + params.max_rise) * before and rise > chi2.ppf(_REFUSED, len(COLUMNS[shape.kind])):
             mine = [k for k, c in enumerate(active) if member.face in c.faces]
             if mine:
-                bad.add(max(mine, key=lambda k: joint.force[k]))
-    return _apart(bad, joint, active)
+                bad |= set(mine) if everything else {max(mine, key=lambda k: joint.force[k])}
+    return bad if everything else _apart(bad, joint, active)
+
+
+def _widened(bad: set[int], active: Sequence[Candidate]) -> set[int]:
+    """Return all relations of the faces of some."""
+    faces = {face for k in bad for face in active[k].faces}
+    return {k for k, c in enumerate(active) if faces & set(c.faces)}
 
 
 def _apart(bad: set[int], joint: JointFit, active: Sequence[Candidate]) -> set[int]:
