@@ -25,6 +25,8 @@ WIDE = ("dn", "vdn", "edn", "one-sided")
 NEIGHBOURS = 8
 # Feet of wedges farther from their point than this, in h, belong to another edge.
 FOOT_REACH = 3.0
+# Radius in h within which both faces are looked at: this times the root of the noise in h, within the bounds.
+LOOK, LOOK_RANGE = 10.0, (4.0, 9.0)
 # How many times thicker than noise a neighbourhood of one face may be, and how far from a border, in h, normals may be of two.
 THICK, FEW, BESIDE = 1.4, 3, 4.0
 # Directions of the creases within CORNER_RADIUS (h) spread over more than CORNER_SPREAD of their trace: a corner.
@@ -138,7 +140,9 @@ def _creases(scale: Scale, rows: NDArray[np.int64]) -> tuple[Creases, NDArray[np
     with np.errstate(invalid="ignore"):
         usable = np.linalg.norm(wedges.foot - places, axis=1) <= FOOT_REACH * h + scale.noise
     turn = np.where(usable, np.nan_to_num(wedges.angle), 0.0)
-    return Creases(np.nan_to_num(wedges.foot), np.nan_to_num(wedges.direction), turn, radius), usable & (turn > 0.0)
+    # A known crease is looked at from farther than it is searched for: the angle's error falls with the square of the radius.
+    looked_at = float(np.clip(LOOK * np.sqrt(scale.noise / h), *LOOK_RANGE)) * h
+    return Creases(np.nan_to_num(wedges.foot), np.nan_to_num(wedges.direction), turn, looked_at), usable & (turn > 0.0)
 
 
 def _of_creases(
