@@ -131,7 +131,9 @@ main()
     def test_edges_keeps_rows_and_order(self, scan, tmp_path, capsys):
         output = tmp_path / "edges.npz"
         assert run("edges", scan, "-o", output, "--unit", "mm") == 0
-        given, found = np.load(scan), np.load(output)
+        given = np.load(scan)
+        with np.load(output) as columns:
+            found = dict(columns)
         np.testing.assert_allclose(found["points"], given, atol=1e-12)
         assert found["edge"].dtype == np.uint8
         assert found["strength"].dtype == np.float32

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csr_array
+from scipy.sparse import coo_array, csr_array, issparse
 from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
 
 from scan2nurbs.kernels.cells import Cells
@@ -136,7 +136,8 @@ def _join(votes: csr_array, n: int) -> tuple[NDArray[np.float64], NDArray[np.int
     order, before = breadth_first_order(csr_array(tree + roots.tocsr()), n, directed=False)
     below = order[before[order] != n][1:]
     alike = np.ones(n + 1)
-    alike[below] = np.where(np.asarray(votes[before[below], below]).ravel() >= 0.0, 1.0, -1.0)
+    said = votes[before[below], below] if len(below) else np.zeros(0)
+    alike[below] = np.where((said.toarray() if issparse(said) else np.asarray(said)).ravel() >= 0.0, 1.0, -1.0)
     sign = np.ones(n + 1)
     for node in below:
         sign[node] = sign[before[node]] * alike[node]
