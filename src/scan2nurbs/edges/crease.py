@@ -26,14 +26,14 @@ SIDES, TELLING = 3.0, 2.5
 # Half-widths of roundings in h that a sharp bend is compared with.
 WIDTHS = (0.0, 1.2, 2.0, 3.0, 4.5)
 # The half-width of the window across a crease, in h: this times the root of the noise in h, within the bounds; it is half as long again.
-WINDOW, WINDOW_RANGE, LONGER = 8.0, (3.5, 8.0), 1.5
+WINDOW, WINDOW_RANGE, LONGER = 7.0, (3.5, 8.0), 1.5
 # Mean logarithm of the likelihood ratio along a crease: what is asked for against one curved face, and against a rounding, which
 # is rarer and has a width to choose. Means over 4 h, repeated eight times, reach about 10 h either way.
-EVIDENCE, ROUNDING = 3.0, -0.3
+EVIDENCE, ROUNDING = 2.5, -0.3
 MEAN_REACH, MEANS = 4.0, 8
 # The best of the bumps that noise makes look like short shallow creases. Pieces 10 h apart share no points, so that evidence adds up
 # along a chain of pieces, which follow each other closer than 1.5 h, and of its sum more is asked for.
-APART, FOLLOWS, SUM = 10.0, 1.5, 12.0
+APART, FOLLOWS, SUM = 10.0, 1.5, 10.0
 # How far from the crease points are marked, in h, and half the length of a piece of it.
 REACH, HALF_PIECE = 0.85, 1.0
 # The comparison that tells where the surface breaks: a wedge is the best of 57 splits (4 = log 57), and its extra parameters must

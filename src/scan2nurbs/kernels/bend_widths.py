@@ -27,7 +27,7 @@ FACE_CURVATURE, BEND_CURVATURE = 0.1, 0.2
 # The same of the crease: its offset in h, its direction as a slope, and its curvature in 1/h.
 OFFSET, SLOPE, CREASE_CURVATURE = 0.5, 0.2, 0.2
 # Residuals of less than this part of the spacing are no evidence: faces are no exact quadrics, and creases no parabolas.
-FLOOR = 0.1
+FLOOR = 0.14
 
 
 class Bends(NamedTuple):
