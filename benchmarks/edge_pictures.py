@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from examples.parts import WHOLE
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
@@ -15,6 +16,10 @@ from PIL import Image
 
 import scan2nurbs as s2n
 from benchmarks.truth import CONDITIONS, sample, true_part
+from scan2nurbs.api import measure
+from scan2nurbs.edges.detect import detect
+from scan2nurbs.edges.kinds import BORDER, with_kinds
+from scan2nurbs.edges.network import edge_network
 from scan2nurbs.report.pictures import BLUE, GREY, ORANGE
 from scan2nurbs.report.view import View, choose_view, rasterise
 
@@ -22,6 +27,9 @@ Floats = NDArray[np.float64]
 
 SHOWN = (("bracket", "noise .25"), ("roof", "noise .5"), ("flange", "noise .25"), ("impeller", "noise .25"))
 SIZE = (300, 240)
+CURVED = ("bracket", "gear", "handwheel", "open_panel")
+KIND_COLOURS = ((0.80, 0.82, 0.85), (0.84, 0.20, 0.10), (0.0, 0.55, 0.25), (0.95, 0.65, 0.0), (0.55, 0.0, 0.70))
+"""Of points on no edge, convex, concave, at a border, and at a corner."""
 
 
 def draw_edges(path: Path) -> None:
@@ -35,6 +43,29 @@ def draw_edges(path: Path) -> None:
         scatter(row[0], truth.points, truth.edges.sharp, view, BLUE)
         show(row[1], "EDN, the paper's setting", truth.points, s2n.detect_edges(truth.points, s2n.EdgeParams(operator="edn")).mask, view)
         show(row[2], "default", truth.points, s2n.detect_edges(truth.points).mask, view)
+    save(figure, path)
+
+
+def draw_kinds(path: Path) -> None:
+    """Draw kinds of edge points and the curves along edges for a few parts."""
+    figure = Figure(figsize=(7.6, 8.6), dpi=110, layout="constrained")
+    axes = figure.subplots(len(CURVED), 2, squeeze=False)
+    for row, name in zip(axes, CURVED, strict=True):
+        measured = measure(sample(true_part(WHOLE[name].build()), CONDITIONS["noise .25"]).points)
+        points = measured.cloud.points
+        edges = with_kinds(measured.scale, detect(points, measured.scale, s2n.EdgeParams()))
+        kind = np.zeros(len(points), np.uint8) if edges.kind is None else edges.kind
+        network = edge_network(points, measured.scale, edges.mask, border=kind == BORDER)
+        view = with_aspect(choose_view(points), SIZE[0] / SIZE[1])
+        show(row[0], f"{name}: kinds", points, None, view, np.array(KIND_COLOURS)[kind])
+        show(row[1], f"{len(network.curves)} curves, {len(network.corners)} corners", points, None, view)
+        colours = colormaps["tab20"](np.arange(len(network.curves)) % 20)
+        for edge, colour in zip(network.curves, colours, strict=True):
+            line = edge.curve.sample(0.5 * measured.scale.h)
+            line = np.concatenate([line, line[:1]]) if edge.curve.closed else line
+            row[1].plot(*view.project(line)[:, :2].T, color=colour, linewidth=1.4)
+        if len(network.corners):
+            row[1].plot(*view.project(network.corners)[:, :2].T, "k.", markersize=4)
     save(figure, path)
 
 

@@ -89,7 +89,9 @@ def test_kinds_do_not_depend_on_position_scale_or_order():
     order = np.random.default_rng(2).permutation(len(points))
     moved = (0.01 * points @ turn.T + [3.0, -2.0, 7.0])[order]
     here, there = s2n.detect_edges(points), s2n.detect_edges(moved)
-    assert (here.kind[order] == there.kind).mean() > 0.99
+    assert (here.kind[order] == there.kind).mean() > 0.97
+    assert not ((here.kind[order] == CONVEX) & (there.kind == CONCAVE)).any()
+    assert np.nanmedian(np.abs(here.angle[order] - there.angle)) < 3
 
 
 @pytest.mark.parametrize("operator", ["edn", "one-sided"])

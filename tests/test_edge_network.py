@@ -171,9 +171,9 @@ def test_the_command_writes_kinds_and_curves(tmp_path, capsys):
     assert record["edges"]["kinds"]["convex"] > 100
     assert record["edges"]["curves"]["corners"] >= 4
     assert len(record["edges"]["curves"]["curves"]) >= 6
-    columns = np.load(tmp_path / "edges.npz")
-    assert {"strength", "edge", "kind", "angle", "angle_error", "confidence"} <= set(columns.files)
-    assert columns["kind"].dtype == np.uint8
+    with np.load(tmp_path / "edges.npz") as columns:
+        assert {"strength", "edge", "kind", "angle", "angle_error", "confidence"} <= set(columns.files)
+        assert columns["kind"].dtype == np.uint8
     assert (tmp_path / "curves.obj").read_text().count("\nl ") == len(record["edges"]["curves"]["curves"])
 
 

@@ -11,7 +11,7 @@ from scipy.spatial import KDTree
 from scan2nurbs.edges.border import find_borders
 from scan2nurbs.edges.crease import fit_radius
 from scan2nurbs.edges.detect import Edges
-from scan2nurbs.edges.orient import Creases, orient_normals
+from scan2nurbs.edges.orient import Creases, Orientation, orient_normals
 from scan2nurbs.kernels.cells import Cells
 from scan2nurbs.kernels.creases import fit_wedges
 from scan2nurbs.kernels.nearest import nearest_neighbours
@@ -25,10 +25,14 @@ WIDE = ("dn", "vdn", "edn", "one-sided")
 NEIGHBOURS = 8
 # Feet of wedges farther from their point than this, in h, belong to another edge.
 FOOT_REACH = 3.0
+# Radius in h within which both faces are looked at: this times the root of the noise in h, within the bounds.
+LOOK, LOOK_RANGE = 10.0, (4.0, 9.0)
 # How many times thicker than noise a neighbourhood of one face may be, and how far from a border, in h, normals may be of two.
 THICK, FEW, BESIDE = 1.4, 3, 4.0
 # Directions of the creases within CORNER_RADIUS (h) spread over more than CORNER_SPREAD of their trace: a corner.
-CORNER_RADIUS, CORNER_SPREAD, CORNER_NOISE = 2.0, 0.2, 1.0
+CORNER_RADIUS, CORNER_SPREAD, CORNER_NOISE, CORNER_COUNT = 2.0, 0.2, 1.0, 3
+# One edge point of so many is asked for its crease; the others take the nearest.
+EVERY = 2
 
 
 @dataclass(frozen=True)
@@ -81,10 +85,11 @@ def edge_kinds(scale: Scale, edges: Edges, progress: Progress | None = None) -> 
     neighbours, _ = nearest_neighbours(cells, min(NEIGHBOURS, len(order) - 1), progress=progress)
     borders = find_borders(cells, normal, np.full(len(order), scale.h), scale.h, scale.noise)
     rows = np.flatnonzero(on_edge & ~borders.outline)
-    creases, usable = _creases(scale, rows)
+    asked = rows[::EVERY]
+    creases, usable = _creases(scale, asked)
     doubtful = on_edge | _thick(cells, normal, neighbours, scale) | _beside(cells, borders.mask, scale)
     found = orient_normals(cells, normal, neighbours, doubtful, creases, scale.noise)
-    kinds = _of_creases(scale, rows, creases, usable, found.sides.turn, found.sides.turn_error, found.sides.towards, found.agreement)
+    kinds = _of_creases(scale, rows, asked, creases, found, usable & np.isfinite(found.sides.turn))
     ends = borders.mask & ~(on_edge & (kinds.confidence > 0.0))
     kinds.kind[ends] = BORDER
     kinds.angle[ends], kinds.angle_error[ends] = 180.0, 0.0
@@ -138,53 +143,54 @@ def _creases(scale: Scale, rows: NDArray[np.int64]) -> tuple[Creases, NDArray[np
     with np.errstate(invalid="ignore"):
         usable = np.linalg.norm(wedges.foot - places, axis=1) <= FOOT_REACH * h + scale.noise
     turn = np.where(usable, np.nan_to_num(wedges.angle), 0.0)
-    return Creases(np.nan_to_num(wedges.foot), np.nan_to_num(wedges.direction), turn, radius), usable & (turn > 0.0)
+    # A known crease is looked at from farther than it is searched for: the angle's error falls with the square of the radius.
+    looked_at = float(np.clip(LOOK * np.sqrt(scale.noise / h), *LOOK_RANGE)) * h
+    return Creases(np.nan_to_num(wedges.foot), np.nan_to_num(wedges.direction), turn, looked_at), usable & (turn > 0.0)
 
 
 def _of_creases(
     scale: Scale,
     rows: NDArray[np.int64],
+    asked: NDArray[np.int64],
     creases: Creases,
-    usable: NDArray[np.bool_],
-    turn: NDArray[np.float64],
-    turn_error: NDArray[np.float64],
-    towards: NDArray[np.float64],
-    agreement: NDArray[np.float64],
+    found: Orientation,
+    good: NDArray[np.bool_],
 ) -> EdgeKinds:
-    """Write what the creases say to their points; points without a crease of their own take the nearest one's."""
-    n = len(scale.cells.points)
+    """Write what the good creases, of the points asked, say to the edge points (rows) nearest to them."""
+    n, h = len(scale.cells.points), scale.h
     kinds = EdgeKinds(np.zeros(n, np.uint8), np.full(n, np.nan), np.full(n, np.nan), np.zeros(n), np.zeros(n, bool))
+    towards = found.sides.towards
     with np.errstate(invalid="ignore"):
         side = np.where(np.isfinite(towards).any(axis=1), np.nansum(towards, axis=1), 0.0)
-    good = usable & np.isfinite(turn)
     known = np.flatnonzero(good & (side != 0.0))
     if len(known) == 0:
         kinds.kind[rows] = CONVEX
         return kinds
     places = scale.cells.points[rows]
-    tree = KDTree(creases.foot[known])
-    # The sign is a matter of the neighbourhood: one wedge gone wrong is outvoted.
-    near, nearest = tree.query(places, min(8, len(known)))
+    near, nearest = KDTree(creases.foot[known]).query(places, min(8, len(known)))
     near, nearest = near.reshape(len(rows), -1), nearest.reshape(len(rows), -1)
-    vote = np.where(near <= max(near[:, 0].max(initial=0.0), 3.0 * scale.h), side[known][nearest], 0.0).mean(axis=1)
+    # The side is a matter of the neighbourhood: one wedge gone wrong is outvoted.
+    vote = np.where(near <= np.maximum(near[:, :1], FOOT_REACH * h), side[known][nearest], 0.0).mean(axis=1)
     kinds.kind[rows] = np.where(vote > 0.0, CONCAVE, CONVEX)
-    own = np.where(good, np.arange(len(rows)), known[nearest[:, 0]])
-    angle, error = np.degrees(turn[own]), np.degrees(turn_error[own])
+    own = known[nearest[:, 0]]
+    angle, error = np.degrees(found.sides.turn[own]), np.degrees(found.sides.turn_error[own])
     kinds.angle[rows], kinds.angle_error[rows] = angle, error
-    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        seen = 1.0 - np.exp(-0.5 * (angle / (3.0 * np.maximum(error, 1e-3))) ** 2)
-    kinds.confidence[rows] = np.where(good, 1.0, 0.5) * np.nan_to_num(seen) * np.clip(np.abs(vote) / 2.0 + 0.25 * agreement[own], 0.0, 1.0)
-    kinds.kind[rows[_corners(scale, places, creases.direction, good)]] = CORNER
+    seen = 1.0 - np.exp(-0.5 * (angle / (3.0 * np.maximum(error, 1e-3))) ** 2)
+    close = np.where(near[:, 0] <= FOOT_REACH * h + scale.noise, 1.0, 0.5)
+    kinds.confidence[rows] = close * seen * np.clip(np.abs(vote) / 2.0 + 0.25 * found.agreement[own], 0.0, 1.0)
+    kinds.kind[rows[_corners(scale, places, scale.cells.points[asked], creases.direction, good)]] = CORNER
     return kinds
 
 
-def _corners(scale: Scale, places: NDArray[np.float64], direction: NDArray[np.float64], good: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Tell where creases of several directions come together."""
+def _corners(
+    scale: Scale, places: NDArray[np.float64], middles: NDArray[np.float64], direction: NDArray[np.float64], good: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """Tell at which places creases of several directions, given at their middles, come together."""
     radius = CORNER_RADIUS * scale.h + CORNER_NOISE * scale.noise
-    outer = np.einsum("ni,nj->nij", direction, direction).reshape(len(places), 9) * good[:, None]
-    pairs = KDTree(places).sparse_distance_matrix(KDTree(places), radius, output_type="coo_matrix").tocsr()
+    outer = np.einsum("ni,nj->nij", direction, direction).reshape(len(middles), 9) * good[:, None]
+    pairs = KDTree(places).sparse_distance_matrix(KDTree(middles), radius, output_type="coo_matrix").tocsr()
     pairs.data[:] = 1.0
-    total = (pairs @ outer + outer).reshape(-1, 3, 3)
+    total = (pairs @ outer).reshape(-1, 3, 3)
     count = np.trace(total, axis1=1, axis2=2)
     values = np.linalg.eigvalsh(total)
-    return (count >= 4) & (values[:, 1] > CORNER_SPREAD * np.maximum(count, 1e-300))
+    return (count >= CORNER_COUNT) & (values[:, 1] > CORNER_SPREAD * np.maximum(count, 1e-300))

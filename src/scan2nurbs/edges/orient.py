@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csr_array
+from scipy.sparse import coo_array, csr_array, issparse
 from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
 
 from scan2nurbs.kernels.cells import Cells
@@ -129,13 +129,19 @@ def _join(votes: csr_array, n: int) -> tuple[NDArray[np.float64], NDArray[np.int
     tree = minimum_spanning_tree(weights)
     tree = csr_array(tree + tree.T)
     _, group = connected_components(tree, directed=False)
-    sign = np.ones(n)
+    # One more node holds the first of every group, so that a single walk visits all.
     _, first = np.unique(group, return_index=True)
-    for root in first:
-        order, before = breadth_first_order(tree, root, directed=False)
-        for node in order[1:]:
-            sign[node] = sign[before[node]] * (1.0 if votes[before[node], node] >= 0.0 else -1.0)
-    return sign, group.astype(np.int32)
+    roots = coo_array((np.ones(len(first)), (np.full(len(first), n), first)), shape=(n + 1, n + 1))
+    tree.resize((n + 1, n + 1))
+    order, before = breadth_first_order(csr_array(tree + roots.tocsr()), n, directed=False)
+    below = order[before[order] != n][1:]
+    alike = np.ones(n + 1)
+    said = votes[before[below], below] if len(below) else np.zeros(0)
+    alike[below] = np.where((said.toarray() if issparse(said) else np.asarray(said)).ravel() >= 0.0, 1.0, -1.0)
+    sign = np.ones(n + 1)
+    for node in below:
+        sign[node] = sign[before[node]] * alike[node]
+    return sign[:n], group.astype(np.int32)
 
 
 def _outwards(points: NDArray[np.float64], normals: NDArray[np.float64], group: NDArray[np.int32]) -> NDArray[np.float64]:

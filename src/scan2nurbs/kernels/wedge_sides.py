@@ -13,6 +13,8 @@ from scan2nurbs.kernels.runner import kernel, run_ranges
 CREASES_PER_RANGE = 512
 BISECTORS = 72
 ROUNDS = 3
+# Points nearer to the crease than so many standard deviations of the noise do not count.
+APART = 1.5
 # Fewer points than this do not tell a face's direction.
 LEAST = 4
 
@@ -179,6 +181,9 @@ def _fit_lines(flat, n, noise, lines, error):
         x, y = flat[j, 0], flat[j, 1]
         a, b = _off(x, y, lines[0, 0], lines[0, 1]), _off(x, y, lines[1, 0], lines[1, 1])
         k = 0 if a <= b else 1
+        # So near to the crease noise decides to which face a point is given, and what each face is given would be sharper than it is.
+        if x * lines[k, 0] + y * lines[k, 1] < APART * noise:
+            continue
         w = 1.0 / (1.0 + (min(a, b) / scale) ** 2) ** 2
         sums[k, 0] += w
         sums[k, 1] += w * x
