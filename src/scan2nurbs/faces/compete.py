@@ -68,7 +68,7 @@ def select(candidates: NDArray[np.int32], costs: NDArray[np.float32], models: ND
     freedom = np.array(FREEDOM)[models[:, 0].astype(int)]
     alive = np.zeros(n, bool)
     alive[np.unique(candidates[candidates >= 0])] = True
-    while True:
+    while alive.any():
         loss, size = np.zeros(n), np.zeros(n, np.int64)
         _losses(candidates, costs, alive, loss, size)
         surplus = loss - MODEL_COST - 0.5 * freedom * np.log(np.maximum(size, 2))

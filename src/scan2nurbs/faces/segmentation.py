@@ -39,7 +39,7 @@ class SegmentParams:
         Points this far from a surface still belong to it, in the cloud's unit, (0, inf); None: three times the noise. It stands for the
         noise where parts are less exact than scans: castings, worn surfaces.
     max_faces : int, optional
-        Keep at most so many faces, the largest, [1, inf); the points of the others take part in their neighbours'.
+        Keep at most so many faces, the largest, [1, inf); the points of the others belong to none.
     keep_types : tuple of str, optional
         Kinds of surfaces that faces may have; None: all of `KINDS`.
     min_points : int
@@ -127,7 +127,7 @@ def segment_points(
     label[part_scale.cells.order] = piece
     if len(chosen) < len(points):
         label = spread_labels(points, label, part_scale, models, sheet)
-    label = np.where(label >= 0, group[label], -1).astype(np.int32)
+    label[label >= 0] = group[label[label >= 0]]
     label, members = rank_faces(label, group, params.max_faces)
     fits = face_fits(points, edges.normal, label, [models[m] for m in members], sheet.sigma * part_scale.h, part_scale.h)
     return Faces(label=label, fits=fits, smooth=smooth_pairs(points[chosen], label[chosen], fits, part_scale))
