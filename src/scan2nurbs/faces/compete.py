@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from scan2nurbs.kernels.growth import NONE_COST, NOTICEABLE
+from scan2nurbs.kernels.growth import DISTANCE_CAP, NONE_COST, NOTICEABLE
 from scan2nurbs.kernels.labelling import candidate_costs, choose_labels, nearby_labels
 from scan2nurbs.kernels.offers import fill_candidates, offer_models
 from scan2nurbs.kernels.primitives import FREEDOM
@@ -118,6 +118,23 @@ def offered(sheet: Sheet, label: NDArray[np.int32], models: NDArray[np.float64],
     offer_models(sheet.points, sheet.normals, sheet.neighbours, order, starts, models, sheet.sigma, sheet.tilt, candidates, offers)
     fill_candidates(candidates, nearby(sheet, label, rings))
     return candidates
+
+
+def adopt(sheet: Sheet, label: NDArray[np.int32], models: NDArray[np.float64], rings: int) -> NDArray[np.int32]:
+    """Give points without a label the nearest surface among the labels nearby, where it passes within three standard deviations."""
+    label = label.copy()
+    for _ in range(2):
+        lost = np.flatnonzero(label < 0)
+        if not len(lost):
+            break
+        candidates = nearby(sheet, label, rings)[lost]
+        unknown = np.full((len(lost), 3), np.nan)
+        costs = candidate_costs(sheet.points[lost], unknown, models, candidates, sheet.sigma, sheet.tilt)
+        best = np.argmin(costs, axis=1)
+        rows = np.arange(len(lost))
+        near = costs[rows, best] < DISTANCE_CAP
+        label[lost[near]] = candidates[rows, best][near]
+    return label
 
 
 def split_pieces(
