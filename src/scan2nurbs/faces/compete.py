@@ -45,13 +45,35 @@ class Sheet:
     tilt: float
 
 
+def along_the_surface(
+    points: NDArray[np.float64], normals: NDArray[np.float64], neighbours: NDArray[np.int32], sigma: float
+) -> NDArray[np.int32]:
+    """Cut the links that leap from one side of a thin wall to the other: along the normals of both ends, farther than noise goes.
+
+    Returns
+    -------
+    (N, k) int32
+        The neighbours; cut links and missing neighbours lead from a point to itself.
+    """
+    out = neighbours.copy()
+    own = np.arange(len(points), dtype=np.int32)
+    for k in range(neighbours.shape[1]):
+        j = neighbours[:, k]
+        step = points[j] - points
+        length = np.linalg.norm(step, axis=1)
+        here, there = np.abs(np.einsum("ij,ij->i", step, normals)), np.abs(np.einsum("ij,ij->i", step, normals[j]))
+        leap = (np.minimum(here, there) > 0.75 * length) & (np.minimum(here, there) > 4.0 * sigma)
+        out[:, k] = np.where((j < 0) | leap, own, j)
+    return out
+
+
 def link_weights(normals: NDArray[np.float64], neighbours: NDArray[np.int32]) -> NDArray[np.float32]:
     """Weigh the links of a graph: full along the surface, little where normals break."""
     out = np.full(neighbours.shape, LINK_COST, np.float32)
     for k in range(neighbours.shape[1]):
         dot = np.abs(np.einsum("ij,ij->i", normals, normals[neighbours[:, k]]))
         out[:, k] *= np.where(dot > 0.9, 1.0, ACROSS_CREASE)
-        out[neighbours[:, k] < 0, k] = 0.0
+        out[neighbours[:, k] == np.arange(len(normals)), k] = 0.0
     return out
 
 

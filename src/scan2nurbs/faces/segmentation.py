@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from scan2nurbs.edges.detect import Edges
 from scan2nurbs.errors import ParameterError
-from scan2nurbs.faces.compete import Sheet, link_weights
+from scan2nurbs.faces.compete import Sheet, along_the_surface, link_weights
 from scan2nurbs.faces.finish import face_fits, rank_faces, smooth_pairs, spread_labels
 from scan2nurbs.faces.freeform import freeform_groups
 from scan2nurbs.faces.primitives import find_primitives
@@ -139,6 +139,7 @@ def _sheet(scale: Scale, normals: NDArray[np.float64], params: SegmentParams) ->
     neighbours, _ = nearest_neighbours(cells, NEIGHBOURS, reach=2.0 * scale.h)
     local = cells.points / scale.h
     one_sided = np.ascontiguousarray(normals[cells.order])
+    neighbours = along_the_surface(local, one_sided, neighbours, _noise(params, scale) / scale.h)
     curvature, smooth_normals = bends(local, one_sided, neighbours)
     sheet = Sheet(
         points=local,
