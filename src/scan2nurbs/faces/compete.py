@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from scan2nurbs.faces.model_shapes import signed_distances
 from scan2nurbs.kernels.growth import DISTANCE_CAP, NONE_COST, NOTICEABLE
 from scan2nurbs.kernels.labelling import candidate_costs, choose_labels, nearby_labels
 from scan2nurbs.kernels.offers import fill_candidates, offer_models
@@ -20,6 +21,8 @@ CANDIDATES = 8
 LINK_COST = 0.25
 ACROSS_CREASE = 0.5
 MODEL_COST = 12.0
+OUTLYING = 5.0
+"""No point of a surface lies so many standard deviations off it."""
 
 
 @dataclass(frozen=True)
@@ -87,6 +90,8 @@ def select(candidates: NDArray[np.int32], costs: NDArray[np.float32], models: ND
     """
     candidates = candidates.copy()
     n = len(models)
+    if n == 0:
+        return candidates
     freedom = np.array(FREEDOM)[models[:, 0].astype(int)]
     alive = np.zeros(n, bool)
     alive[np.unique(candidates[candidates >= 0])] = True
@@ -157,6 +162,19 @@ def adopt(sheet: Sheet, label: NDArray[np.int32], models: NDArray[np.float64], r
         near = costs[rows, best] < DISTANCE_CAP
         label[lost[near]] = candidates[rows, best][near]
     return label
+
+
+def drop_outliers(sheet: Sheet, label: NDArray[np.int32], models: NDArray[np.float64]) -> NDArray[np.int32]:
+    """Take the label from points that lie far from their surface, and farther than their neighbours do."""
+    order, starts = grouped(label, len(models))
+    d = np.zeros(len(label))
+    for i, model in enumerate(models):
+        mine = order[starts[i] : starts[i + 1]]
+        d[mine] = signed_distances(model, sheet.points[mine])
+    others = sheet.neighbours != np.arange(len(label))[:, None]
+    same = others & (label[sheet.neighbours] == label[:, None])
+    mean = np.where(same, d[sheet.neighbours], 0.0).sum(axis=1) / np.maximum(same.sum(axis=1), 1)
+    return np.where(np.abs(d - mean) > OUTLYING * sheet.sigma, -1, label).astype(np.int32)
 
 
 def split_pieces(

@@ -88,7 +88,7 @@ def _absorb(
     """Give freeform faces the small pieces beside them onto which their surface runs on; a fillet bends away much faster."""
     size = np.bincount(label[label >= 0], minlength=len(parent))
     for _ in range(ABSORBING_ROUNDS):
-        root = np.array([_root(parent, i) for i in range(len(parent))])
+        root = np.array([_root(parent, i) for i in range(len(parent))], np.int64)
         members, total = np.bincount(root, minlength=len(parent)), np.bincount(root, weights=size, minlength=len(parent))
         before = parent.copy()
         for contact, both in zip(meeting, bands, strict=True):
