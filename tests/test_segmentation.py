@@ -78,7 +78,7 @@ def test_box_is_six_planes():
 
 
 def test_tangent_cylinder_is_told_from_its_planes(step):
-    points, truth, faces = step
+    _, truth, faces = step
     assert sorted(fit.shape.kind for fit in faces.fits) == ["cylinder", "plane", "plane"]
     assert mean_iou(truth, faces.label) > 0.85
     radius = next(fit.shape.radius for fit in faces.fits if fit.shape.kind == "cylinder")

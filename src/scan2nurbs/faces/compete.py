@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from scan2nurbs.kernels.growth import NONE_COST, NOTICEABLE
+from scan2nurbs.faces.model_shapes import signed_distances
+from scan2nurbs.kernels.growth import DISTANCE_CAP, NONE_COST, NOTICEABLE
 from scan2nurbs.kernels.labelling import candidate_costs, choose_labels, nearby_labels
 from scan2nurbs.kernels.offers import fill_candidates, offer_models
 from scan2nurbs.kernels.primitives import FREEDOM
@@ -20,6 +21,8 @@ CANDIDATES = 8
 LINK_COST = 0.25
 ACROSS_CREASE = 0.5
 MODEL_COST = 12.0
+OUTLYING = 5.0
+"""No point of a surface lies so many standard deviations off it."""
 
 
 @dataclass(frozen=True)
@@ -45,13 +48,35 @@ class Sheet:
     tilt: float
 
 
+def along_the_surface(
+    points: NDArray[np.float64], normals: NDArray[np.float64], neighbours: NDArray[np.int32], sigma: float
+) -> NDArray[np.int32]:
+    """Cut the links that leap from one side of a thin wall to the other: along the normals of both ends, farther than noise goes.
+
+    Returns
+    -------
+    (N, k) int32
+        The neighbours; cut links and missing neighbours lead from a point to itself.
+    """
+    out = neighbours.copy()
+    own = np.arange(len(points), dtype=np.int32)
+    for k in range(neighbours.shape[1]):
+        j = neighbours[:, k]
+        step = points[j] - points
+        length = np.linalg.norm(step, axis=1)
+        here, there = np.abs(np.einsum("ij,ij->i", step, normals)), np.abs(np.einsum("ij,ij->i", step, normals[j]))
+        leap = (np.minimum(here, there) > 0.75 * length) & (np.minimum(here, there) > 4.0 * sigma)
+        out[:, k] = np.where((j < 0) | leap, own, j)
+    return out
+
+
 def link_weights(normals: NDArray[np.float64], neighbours: NDArray[np.int32]) -> NDArray[np.float32]:
     """Weigh the links of a graph: full along the surface, little where normals break."""
     out = np.full(neighbours.shape, LINK_COST, np.float32)
     for k in range(neighbours.shape[1]):
         dot = np.abs(np.einsum("ij,ij->i", normals, normals[neighbours[:, k]]))
         out[:, k] *= np.where(dot > 0.9, 1.0, ACROSS_CREASE)
-        out[neighbours[:, k] < 0, k] = 0.0
+        out[neighbours[:, k] == np.arange(len(normals)), k] = 0.0
     return out
 
 
@@ -65,10 +90,12 @@ def select(candidates: NDArray[np.int32], costs: NDArray[np.float32], models: ND
     """
     candidates = candidates.copy()
     n = len(models)
+    if n == 0:
+        return candidates
     freedom = np.array(FREEDOM)[models[:, 0].astype(int)]
     alive = np.zeros(n, bool)
     alive[np.unique(candidates[candidates >= 0])] = True
-    while True:
+    while alive.any():
         loss, size = np.zeros(n), np.zeros(n, np.int64)
         _losses(candidates, costs, alive, loss, size)
         surplus = loss - MODEL_COST - 0.5 * freedom * np.log(np.maximum(size, 2))
@@ -118,6 +145,36 @@ def offered(sheet: Sheet, label: NDArray[np.int32], models: NDArray[np.float64],
     offer_models(sheet.points, sheet.normals, sheet.neighbours, order, starts, models, sheet.sigma, sheet.tilt, candidates, offers)
     fill_candidates(candidates, nearby(sheet, label, rings))
     return candidates
+
+
+def adopt(sheet: Sheet, label: NDArray[np.int32], models: NDArray[np.float64], rings: int) -> NDArray[np.int32]:
+    """Give points without a label the nearest surface among the labels nearby, where it passes within three standard deviations."""
+    label = label.copy()
+    for _ in range(2):
+        lost = np.flatnonzero(label < 0)
+        if not len(lost):
+            break
+        candidates = nearby(sheet, label, rings)[lost]
+        unknown = np.full((len(lost), 3), np.nan)
+        costs = candidate_costs(sheet.points[lost], unknown, models, candidates, sheet.sigma, sheet.tilt)
+        best = np.argmin(costs, axis=1)
+        rows = np.arange(len(lost))
+        near = costs[rows, best] < DISTANCE_CAP
+        label[lost[near]] = candidates[rows, best][near]
+    return label
+
+
+def drop_outliers(sheet: Sheet, label: NDArray[np.int32], models: NDArray[np.float64]) -> NDArray[np.int32]:
+    """Take the label from points that lie far from their surface, and farther than their neighbours do."""
+    order, starts = grouped(label, len(models))
+    d = np.zeros(len(label))
+    for i, model in enumerate(models):
+        mine = order[starts[i] : starts[i + 1]]
+        d[mine] = signed_distances(model, sheet.points[mine])
+    others = sheet.neighbours != np.arange(len(label))[:, None]
+    same = others & (label[sheet.neighbours] == label[:, None])
+    mean = np.where(same, d[sheet.neighbours], 0.0).sum(axis=1) / np.maximum(same.sum(axis=1), 1)
+    return np.where(np.abs(d - mean) > OUTLYING * sheet.sigma, -1, label).astype(np.int32)
 
 
 def split_pieces(

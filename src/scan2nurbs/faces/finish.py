@@ -18,6 +18,8 @@ from scan2nurbs.surfaces.shape_fit import ShapeFit, choose_shape, fit_shape
 SMOOTH = 15.0
 """Degrees: faces that turn by less meet smoothly."""
 NEARBY = 4
+MEETING = 0.5
+"""Surfaces that meet smoothly pass within this many h of the points at their border, and noise."""
 FREE_KINDS: tuple[Kind, ...] = ("bspline",)
 
 
@@ -101,6 +103,8 @@ def smooth_pairs(
     meet = (j >= 0) & (sorted_label[i] >= 0) & (sorted_label[j] > sorted_label[i])
     i, j = i[meet], j[meet]
     code = sorted_label[i].astype(np.int64) * max(len(fits), 1) + sorted_label[j]
+    if not len(code):
+        return frozenset()
     by_code = np.argsort(code, kind="stable")
     borders, first = np.unique(code[by_code], return_index=True)
     smooth = set()
@@ -108,6 +112,8 @@ def smooth_pairs(
         a, b = divmod(int(border), len(fits))
         place = points[order[rows]]
         dot = np.abs(np.einsum("ij,ij->i", fits[a].shape.normal(place), fits[b].shape.normal(place)))
-        if len(rows) >= 4 and np.median(dot) > np.cos(np.radians(SMOOTH)):
+        apart = np.maximum(np.abs(fits[a].shape.distance(place)), np.abs(fits[b].shape.distance(place)))
+        # The two sides of a thin wall are parallel, too, but do not meet.
+        if len(rows) >= 4 and np.median(dot) > np.cos(np.radians(SMOOTH)) and np.median(apart) < MEETING * scale.h + 3.0 * scale.noise:
             smooth.add((a, b))
     return frozenset(smooth)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scan2nurbs.faces.compete import Sheet, grouped
-from scan2nurbs.faces.model_shapes import signed_distances, unit_normals
+from scan2nurbs.faces.model_shapes import field, signed_distances
 from scan2nurbs.faces.unite import contacts
 from scan2nurbs.kernels.primitives import refine
 
@@ -19,6 +19,11 @@ BAND = 4
 BOTH, EITHER = 0.3, 0.6
 """Bias, in standard deviations, of the less and of the more biased side: more of both and the border is none."""
 LEAST_INSIDE = 40
+ABSORBING_ROUNDS = 6
+SMALL, RUNS_ON = 0.2, 2.0
+"""A piece is small with less than this share of a freeform face's points; its points lie within so many deviations, root mean square."""
+MEETING = 0.5
+"""Surfaces that meet pass within this many h of the points at their border, and noise."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +73,35 @@ def freeform_groups(sheet: Sheet, label: NDArray[np.int32], models: NDArray[np.f
         if low > BOTH and high > EITHER:
             a, b = sorted((_root(parent, contact.pair[0]), _root(parent, contact.pair[1])))
             parent[b] = a
+    _absorb(sheet, label, inner, meeting, bands, parent)
     return np.array([_root(parent, i) for i in range(len(models))], np.int32)
+
+
+def _absorb(
+    sheet: Sheet,
+    label: NDArray[np.int32],
+    inner: NDArray[np.float64],
+    meeting: list[Contact],
+    bands: list[tuple[NDArray[np.int64], ...]],
+    parent: NDArray[np.int32],
+) -> None:
+    """Give freeform faces the small pieces beside them onto which their surface runs on; a fillet bends away much faster."""
+    size = np.bincount(label[label >= 0], minlength=len(parent))
+    for _ in range(ABSORBING_ROUNDS):
+        root = np.array([_root(parent, i) for i in range(len(parent))], np.int64)
+        members, total = np.bincount(root, minlength=len(parent)), np.bincount(root, weights=size, minlength=len(parent))
+        before = parent.copy()
+        for contact, both in zip(meeting, bands, strict=True):
+            for own, other, band in ((*contact.pair, both[1]), (*contact.pair[::-1], both[0])):
+                group, small = root[own], root[other]
+                if group == small or members[group] < 2 or total[small] > SMALL * total[group]:
+                    continue
+                d = np.abs(signed_distances(inner[own], sheet.points[band])) / sheet.sigma
+                if np.sqrt(np.mean(np.minimum(d, 5.0) ** 2)) < RUNS_ON:
+                    a, b = sorted((_root(parent, int(group)), _root(parent, int(small))))
+                    parent[b] = a
+        if (parent == before).all():
+            break
 
 
 def _bias(mean: NDArray[np.float64], noise: NDArray[np.float64]) -> float:
@@ -87,8 +120,10 @@ def _smooth_contacts(sheet: Sheet, label: NDArray[np.int32], models: NDArray[np.
         if min(len(s) for s in sides) < 3:
             continue
         place = sheet.points[np.concatenate(sides)]
-        dot = np.abs(np.einsum("ij,ij->i", unit_normals(models[i], place), unit_normals(models[j], place)))
-        if np.median(dot) > np.cos(np.radians(TURN)):
+        first, second = field(models[i], place), field(models[j], place)
+        dot = np.abs(np.einsum("ij,ij->i", first[:, 1:], second[:, 1:]))
+        apart = np.median(np.maximum(np.abs(first[:, 0]), np.abs(second[:, 0])))
+        if np.median(dot) > np.cos(np.radians(TURN)) and apart < MEETING + 3.0 * sheet.sigma:
             found.append(Contact(pair=(int(i), int(j)), sides=(sides[0], sides[1])))
     return found
 

@@ -37,11 +37,6 @@ def signed_distances(model: NDArray[np.float64], points: NDArray[np.float64]) ->
     return field(model, points)[:, 0]
 
 
-def unit_normals(model: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the gradients (N, 3) of a model's distance at points (N, 3) in units of h."""
-    return field(model, points)[:, 1:]
-
-
 def field(model: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return signed distances and gradients (N, 4) of points (N, 3) in units of h."""
     out = np.empty((len(points), 4))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from scan2nurbs.faces.compete import CANDIDATES, Sheet, fit_regions, label_points, offered, select, split_pieces
+from scan2nurbs.faces.compete import CANDIDATES, Sheet, adopt, drop_outliers, fit_regions, label_points, offered, select, split_pieces
 from scan2nurbs.faces.fillets import find_fillets
 from scan2nurbs.faces.unite import unite
 from scan2nurbs.kernels.bends import unevenness
@@ -78,4 +78,4 @@ def find_primitives(
         # Of strips this narrow the energy cannot pay for two borders; the lines of contact tell where they end.
         _, label, models = find_fillets(sheet, label, models)
         label, models = split_pieces(sheet, label, models, least)
-    return label, models
+    return drop_outliers(sheet, adopt(sheet, label, models, RINGS), models), models

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from scan2nurbs.edges.detect import Edges
 from scan2nurbs.errors import ParameterError
-from scan2nurbs.faces.compete import Sheet, link_weights
+from scan2nurbs.faces.compete import Sheet, along_the_surface, link_weights
 from scan2nurbs.faces.finish import face_fits, rank_faces, smooth_pairs, spread_labels
 from scan2nurbs.faces.freeform import freeform_groups
 from scan2nurbs.faces.primitives import find_primitives
@@ -39,7 +39,7 @@ class SegmentParams:
         Points this far from a surface still belong to it, in the cloud's unit, (0, inf); None: three times the noise. It stands for the
         noise where parts are less exact than scans: castings, worn surfaces.
     max_faces : int, optional
-        Keep at most so many faces, the largest, [1, inf); the points of the others take part in their neighbours'.
+        Keep at most so many faces, the largest, [1, inf); the points of the others belong to none.
     keep_types : tuple of str, optional
         Kinds of surfaces that faces may have; None: all of `KINDS`.
     min_points : int
@@ -127,7 +127,7 @@ def segment_points(
     label[part_scale.cells.order] = piece
     if len(chosen) < len(points):
         label = spread_labels(points, label, part_scale, models, sheet)
-    label = np.where(label >= 0, group[label], -1).astype(np.int32)
+    label[label >= 0] = group[label[label >= 0]]
     label, members = rank_faces(label, group, params.max_faces)
     fits = face_fits(points, edges.normal, label, [models[m] for m in members], sheet.sigma * part_scale.h, part_scale.h)
     return Faces(label=label, fits=fits, smooth=smooth_pairs(points[chosen], label[chosen], fits, part_scale))
@@ -139,6 +139,7 @@ def _sheet(scale: Scale, normals: NDArray[np.float64], params: SegmentParams) ->
     neighbours, _ = nearest_neighbours(cells, NEIGHBOURS, reach=2.0 * scale.h)
     local = cells.points / scale.h
     one_sided = np.ascontiguousarray(normals[cells.order])
+    neighbours = along_the_surface(local, one_sided, neighbours, _noise(params, scale) / scale.h)
     curvature, smooth_normals = bends(local, one_sided, neighbours)
     sheet = Sheet(
         points=local,

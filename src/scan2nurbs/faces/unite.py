@@ -69,6 +69,7 @@ def unite(
         unite_pairs(
             sheet.points, sheet.normals, sheet.neighbours, order, starts, pairs, place, kinds, sheet.sigma, models, values, gains, united
         )
+        gains = np.nan_to_num(gains, nan=-np.inf, posinf=np.inf, neginf=-np.inf)  # neither can be fitted, nor both
         changed: set[int] = set()
         gone: set[int] = set()
         for p in np.argsort(-gains, kind="stable"):

@@ -30,7 +30,7 @@ def cost_of(m, points, normals, i, sigma, tilt):
     t = d / sigma
     cost = min(0.5 * t * t, DISTANCE_CAP)
     dot = nx * normals[i, 0] + ny * normals[i, 1] + nz * normals[i, 2]
-    if dot == dot:
+    if not np.isnan(dot):
         cost += min(0.5 * max(1.0 - dot * dot, 0.0) / (tilt * tilt), NORMAL_CAP)
     return cost
 
@@ -213,9 +213,7 @@ def propose(points, normals, neighbours, seeds, kinds, sigma, tilt, least, model
                 break
         tried[seed] = True
         if n_kept < least or _marginal(chosen, points, normals, kept, n_kept, best, sigma, tilt) <= 0.0:
-            for k in range(neighbours.shape[1]):
-                if neighbours[seed, k] >= 0:
-                    tried[neighbours[seed, k]] = True
+            tried[neighbours[seed]] = True  # −1 stands for the last point, which is no loss
             continue
         if n_models == len(models):
             break
@@ -300,9 +298,11 @@ def _grow_best(
 ):
     """Grow every kind from one neighbourhood, the simple ones first, and keep the best; return its size, gain, and the last mark."""
     bend = np.empty(14)
-    curvatures(points, first, n_first, m, bend)
-    kept_any = False
     noise = sigma * sigma
+    allowed = noise * (1.0 + 3.5 * np.sqrt(2.0 / n_first))
+    if curvatures(points, first, n_first, m, bend) > 1.3 * allowed:
+        return 0, top, mark  # an edge, or a bend too sharp for this scale
+    kept_any = False
     settled = False
     for kind in (PLANE, CYLINDER, SPHERE, CONE, TORUS, PATCH):
         if settled or (kind == PATCH and n_kept > 600):
@@ -310,7 +310,7 @@ def _grow_best(
         if not kinds[kind]:
             continue
         square = best_start(kind, bend, points, first, n_first, sigma, m)
-        if not square < noise * (1.0 + 3.5 * np.sqrt(2.0 / n_first)):
+        if not square < allowed:
             continue
         n, mark = grow(m, points, normals, neighbours, first, n_first, sigma, stamp, mark, queue, region)
         if n < 0.6 * n_first:

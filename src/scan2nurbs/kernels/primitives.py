@@ -110,7 +110,7 @@ def refine(m, points, index, n, sigma, rounds):
     a, b, row = np.empty((8, 8)), np.empty(8), np.empty(8)
     spread = 4.0 * sigma
     square = 0.0
-    for step in range(rounds):
+    for _ in range(rounds):
         size = _centre_axis(m, points, index, n, stride)
         a[:] = 0.0
         b[:] = 0.0
@@ -143,9 +143,9 @@ def _row(m, px, py, pz, size, row):
     row[3], row[4], row[5] = z * ny - y * nz, x * nz - z * nx, y * nx - x * ny
     row[6], row[7] = 0.0, 0.0
     kind = int(m[0])
-    if kind == CYLINDER or kind == SPHERE:
+    if kind in (CYLINDER, SPHERE):
         row[6] = -1.0
-    elif kind == CONE or kind == TORUS:
+    elif kind in (CONE, TORUS):
         along = x * m[4] + y * m[5] + z * m[6]
         rx, ry, rz = x - along * m[4], y - along * m[5], z - along * m[6]
         rho = np.sqrt(rx * rx + ry * ry + rz * rz)
@@ -175,7 +175,7 @@ def _centre_axis(m, points, index, n, stride):
     along = (cx - m[1]) * m[4] + (cy - m[2]) * m[5] + (cz - m[3]) * m[6]
     if kind == PLANE:
         m[1], m[2], m[3] = cx - along * m[4], cy - along * m[5], cz - along * m[6]
-    elif kind == CYLINDER or kind == CONE:
+    elif kind in (CYLINDER, CONE):
         m[1] += along * m[4]
         m[2] += along * m[5]
         m[3] += along * m[6]
@@ -202,7 +202,7 @@ def _move(m, step, size):
     length = np.sqrt(m[4] * m[4] + m[5] * m[5] + m[6] * m[6])
     for k in range(4, 7):
         m[k] /= length
-    if kind == CYLINDER or kind == SPHERE or kind == TORUS:
+    if kind in (CYLINDER, SPHERE, TORUS):
         m[7] += max(min(step[6], 5.0 * size), -0.7 * m[7])
     if kind == TORUS:
         m[8] += max(min(step[7], 5.0 * size), -0.7 * m[8])

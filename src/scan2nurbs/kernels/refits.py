@@ -166,7 +166,7 @@ def unite_pairs(points, normals, neighbours, order, starts, pairs, seeds, kinds,
             if value < best:
                 best = value
                 united[p] = m
-        if best < before + 3.0 * n or n < 400:
+        if best < before + n or n < 150:
             m[:] = models[i]
             value = refit(points, normals, neighbours, index, n, seeds[p], stamp, mark, kinds, sigma, m)
             if value < best:

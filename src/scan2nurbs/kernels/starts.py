@@ -24,6 +24,11 @@ def curvatures(points, index, n, frame, out):
     out : (14,) float64
         Receives the two principal curvatures, the larger in magnitude first, their directions (3 + 3), the normal (3) that positive
         curvatures bend towards, and the middle's foot on the quadric (3).
+
+    Returns
+    -------
+    float
+        Mean square of the residuals, per degree of freedom that is left.
     """
     reach = frame_of(points, index, n, frame)
     a, b, row = np.zeros((6, 6)), np.zeros(6), np.empty(6)
@@ -41,6 +46,14 @@ def curvatures(points, index, n, frame, out):
             for q in range(p + 1):
                 a[p, q] += row[p] * row[q]
     solve_damped(a, b, 6, 1e-9)
+    square = 0.0
+    for k in range(n):
+        i = index[k]
+        x, y, z = points[i, 0] - points[c, 0], points[i, 1] - points[c, 1], points[i, 2] - points[c, 2]
+        u, v, w = (x * ux + y * uy + z * uz) / reach, (x * vx + y * vy + z * vz) / reach, (x * nx + y * ny + z * nz) / reach
+        off = w - b[0] - u * (b[1] + 0.5 * u * b[3] + v * b[4]) - v * (b[2] + 0.5 * v * b[5])
+        square += off * off
+    square *= reach * reach / max(n - 6, 1)
     fu, fv, offset = b[1], b[2], b[0] * reach
     g = 1.0 + fu * fu + fv * fv
     # Curvatures from the quadric's fundamental forms, in the frame made orthonormal along and across the slope.
@@ -70,6 +83,7 @@ def curvatures(points, index, n, frame, out):
     out[5], out[6], out[7] = my * ez - mz * ey, mz * ex - mx * ez, mx * ey - my * ex
     out[8], out[9], out[10] = mx, my, mz
     out[11], out[12], out[13] = points[c, 0] + offset * nx, points[c, 1] + offset * ny, points[c, 2] + offset * nz
+    return square
 
 
 @kernel
@@ -130,7 +144,7 @@ def best_start(kind, bend, points, index, n, sigma, m):
         m[0] = PLANE
         frame_of(points, index, n, m)
         return refine(m, points, index, n, sigma, 3)
-    if kind == CYLINDER or kind == SPHERE:
+    if kind in (CYLINDER, SPHERE):
         if not start(kind, 0, bend, m):
             return np.inf
         refine(m, points, index, n, sigma, 6)
