@@ -79,7 +79,7 @@ def _sides(points, normals, tetrahedra, apex, h, start, stop, depth, mixed):
         mixed[t] = disagree or (n == 4 and longest > _LONG * h and radius > _FLAT * longest)
         across = _across(points, normals, tetrahedra[t], n)
         if across != 0.0:
-            inside, size, mixed[t] = across < 0.0, 2.0, False
+            inside, size, mixed[t] = across < 0.0, 2.0, True
         depth[t] = size if inside else -size
 
 
