@@ -67,6 +67,21 @@ def score_faces(truth: Truth, label: NDArray[np.integer]) -> dict[str, dict[str,
     return {"faces": _match(true[real], label[real]), "patches": _match(truth.patch[true[real]], label[real])}
 
 
+def matched_faces(truth: Truth, label: NDArray[np.integer]) -> list[tuple[int, int]]:
+    """Return the pairs of a true face and the face found for it, where their IoU exceeds one half."""
+    real = truth.scan.face >= 0
+    true, found = truth.scan.face[real], label[real]
+    pairs = []
+    for face in np.unique(true):
+        inside = true == face
+        numbers, counts = np.unique(found[inside & (found >= 0)], return_counts=True)
+        if len(numbers):
+            best = numbers[counts.argmax()]  # more than half of the union is shared by one pair at most
+            if counts.max() > 0.5 * np.count_nonzero(inside | (found == best)):
+                pairs.append((int(face), int(best)))
+    return pairs
+
+
 def _match(true: NDArray[np.integer], found: NDArray[np.integer]) -> dict[str, float]:
     rows, row = np.unique(true, return_inverse=True)
     known = found >= 0
@@ -86,14 +101,15 @@ def _match(true: NDArray[np.integer], found: NDArray[np.integer]) -> dict[str, f
     }
 
 
-def score_model(truth: Truth, shape: Any) -> dict[str, float]:
-    """Score a CAD shape: valid, closed, and its distance to the true surface both ways, in h."""
+def score_model(truth: Truth, shape: Any, scale: float = 1.0) -> dict[str, float]:
+    """Score a CAD shape, whose lengths are the truth's times `scale`: valid, closed, distances to and from the true surface in h."""
     from scan2nurbs.brep.check import check
 
     found = check(shape)
     model = tessellate(shape)
     real = truth.scan.face >= 0
-    places, normals = _spread(model, int(np.clip(2 * model.area / truth.h**2, 50_000, 400_000)))
+    places, normals = _spread(model, int(np.clip(2 * model.area / (scale * truth.h) ** 2, 50_000, 400_000)))
+    places = places / scale
     to_model = _off(truth.scan.clean[real], places, normals) / truth.h
     to_truth = _off(places, truth.scan.clean[real], truth.scan.normal[real]) / truth.h
     return {

@@ -1,11 +1,12 @@
 """Measure speed and memory beside other libraries, on clouds of one blocky part.
 
-    python -m benchmarks.speed [--sizes N ...] [--peers PYTHON] [--crop N] [--repeats N]
+    python -m benchmarks.speed [--parts PART ...] [--sizes N ...] [--peers PYTHON] [--crop N] [--repeats N] [--rounds N]
 
-from the root of the checkout. PYTHON is one that has the extra ``bench`` installed (this one by default). Every measurement is a
-process of its own, after a warm-up on 3,000 points; the least of the repeats counts. Other libraries, which would take minutes, get
-a crop of the cloud of about ``--crop`` points, and so does scan2nurbs beside them. Prints the tables and writes them to
-docs/speed.md, and a picture to docs/images/speed/.
+from the root of the checkout. The parts are the ratio of EDN to SciPy's spacing, both in turns in one process (`benchmarks.ratios`), the
+errors of clusters, normals beside other libraries, whole clouds, and B-spline fits (`benchmarks.fits`). PYTHON is one that has the extra
+``bench`` installed (this one by default). Normals and whole clouds are measured in a process each, after a warm-up on 3,000 points; the
+least of the repeats counts. Other libraries, which would take minutes, get a crop of the cloud of about ``--crop`` points, and so does
+scan2nurbs beside them. Prints the tables, and writes them to docs/speed.md and a picture to docs/images/speed/ where all parts ran.
 """
 
 from __future__ import annotations
@@ -22,7 +23,10 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from benchmarks.clouds import AREA, grid_cloud, random_cloud
+from benchmarks.fits import table
 from benchmarks.peers import PEERS
+from benchmarks.ratios import SIZE, THREADS, cluster_errors, ratios
+from scan2nurbs.kernels.runner import set_threads
 
 SIZES = (100_000, 1_000_000, 1_678_267, 10_000_000)
 RADII = (1.5, 3.0, 6.0, 30.0)
@@ -139,24 +143,55 @@ def draw(seconds: dict[str, list[float]], path: Path) -> None:
 
 def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog="benchmarks.speed")
+    parser.add_argument("--parts", nargs="+", default=list(PARTS), choices=PARTS)
     parser.add_argument("--sizes", type=int, nargs="+", default=list(SIZES))
     parser.add_argument("--peers", default=sys.executable)
     parser.add_argument("--crop", type=int, default=100_000)
     parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--rounds", type=int, default=4)
     options = parser.parse_args(arguments)
-    normals, seconds = radius_normals(options.crop, options.peers)
-    draw(seconds, ROOT / "docs/images/speed/normals.png")
-    clouds = whole_clouds(options.sizes, options.repeats)
+    set_threads(THREADS)
     text = [
         "# Speed",
         "",
-        f"Made by `python -m benchmarks.speed`; normals on a crop of {options.crop:,} points of a random cloud.",
-        "small_gicp knows no radius and takes as many neighbours; point-cloud-utils centres on the query point.",
+        "Made by `python -m benchmarks.speed` on two threads. Ratios within one table hold; seconds are those of one machine.",
         "",
     ]
-    text += ["## Normals at a radius", "", *normals, "", "![Seconds over the radius](images/speed/normals.png)", ""]
-    text += ["## EDN, from an unsorted array to the strengths", "", *clouds, ""]
-    (ROOT / "docs/speed.md").write_text("\n".join(text), encoding="utf-8")
+    for part in options.parts:
+        lines = PARTS[part](options)
+        print(*lines, sep="\n", flush=True)
+        text += lines
+    if set(options.parts) == set(PARTS):
+        (ROOT / "docs/speed.md").write_text("\n".join(text), encoding="utf-8")
+
+
+def _ratios(options: argparse.Namespace) -> list[str]:
+    return [f"## The whole EDN beside SciPy's spacing, {SIZE:,} points at random", "", *ratios(SIZE, options.rounds), ""]
+
+
+def _errors(options: argparse.Namespace) -> list[str]:
+    return ["## What clusters change, against every point summed", "", *cluster_errors(300_000), ""]
+
+
+def _normals(options: argparse.Namespace) -> list[str]:
+    lines, seconds = radius_normals(options.crop, options.peers)
+    draw(seconds, ROOT / "docs/images/speed/normals.png")
+    about = (
+        f"On a crop of {options.crop:,} points of a random cloud. small_gicp knows no radius and takes as many neighbours; "
+        "point-cloud-utils centres on the query point."
+    )
+    return ["## Normals at a radius", "", about, "", *lines, "", "![Seconds over the radius](images/speed/normals.png)", ""]
+
+
+def _clouds(options: argparse.Namespace) -> list[str]:
+    return ["## EDN, from an unsorted array to the strengths", "", *whole_clouds(options.sizes, options.repeats), ""]
+
+
+def _fits(options: argparse.Namespace) -> list[str]:
+    return ["## B-spline surfaces through scattered points", "", *table(1_000_000, 57, 100_000), ""]
+
+
+PARTS = {"ratios": _ratios, "errors": _errors, "normals": _normals, "clouds": _clouds, "fits": _fits}
 
 
 if __name__ == "__main__":

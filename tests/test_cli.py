@@ -76,14 +76,6 @@ class TestOverview:
         assert run("--version") == 0
         assert re.fullmatch(r"scan2nurbs \d+\.\d+\.\d+\n", capsys.readouterr().out)
 
-    @pytest.mark.parametrize("name", ["segment", "convert"])
-    def test_what_is_not_there_yet_says_so(self, name, scan, capsys):
-        assert run(name, scan, "-o", "part.step", "--json") == 2
-        captured = capsys.readouterr()
-        assert captured.out == ""
-        assert captured.err.count("\n") == 1
-        assert "not in this version" in captured.err
-
 
 class TestAnswers:
     def test_info_for_a_reader(self, scan, capsys):

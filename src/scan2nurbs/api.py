@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import NoReturn
-
 import numpy as np
 
 from scan2nurbs.cloud import PointCloud, PointSource, as_cloud
 from scan2nurbs.edges.detect import Edges, detect
+from scan2nurbs.edges.kinds import with_kinds
 from scan2nurbs.edges.params import EdgeParams
-from scan2nurbs.errors import Scan2NurbsError
+from scan2nurbs.faces.segmentation import Faces
 from scan2nurbs.kernels.runner import Progress
+from scan2nurbs.part import PartParams, StageProgress, part_scan
 from scan2nurbs.scale import Scale, measure_scale
 from scan2nurbs.surfaces.fit import FitParams, SurfaceFit
 from scan2nurbs.surfaces.fit import fit_surface as fit_points
@@ -77,7 +77,7 @@ def detect_edges(source: PointSource, params: EdgeParams | None = None, *, progr
         If the source cannot be read or has fewer than three distinct points.
     """
     measured = measure(source, progress=progress)
-    edges = detect(measured.cloud.points, measured.scale, params or EdgeParams(), progress)
+    edges = with_kinds(measured.scale, detect(measured.cloud.points, measured.scale, params or EdgeParams(), progress))
     return edges_by_row(edges, measured.cloud)
 
 
@@ -85,8 +85,16 @@ def edges_by_row(edges: Edges, cloud: PointCloud) -> Edges:
     """Spread edges from the cloud's points over the rows of the input."""
     optional = {
         name: None if values is None else cloud.to_rows(values, np.nan)
-        for name, values in (("dn", edges.dn), ("vdn_small", edges.vdn_small), ("vdn_large", edges.vdn_large))
+        for name, values in (
+            ("dn", edges.dn),
+            ("vdn_small", edges.vdn_small),
+            ("vdn_large", edges.vdn_large),
+            ("angle", edges.angle),
+            ("angle_error", edges.angle_error),
+        )
     }
+    for name, none in (("kind", edges.kind), ("confidence", edges.confidence)):
+        optional[name] = None if none is None else cloud.to_rows(none, 0)
     return replace(
         edges,
         strength=cloud.to_rows(edges.strength, np.nan),
@@ -133,11 +141,30 @@ def fit_surface(source: PointSource, params: FitParams | None = None, *, progres
     )
 
 
-def segment(source: PointSource) -> NoReturn:
-    """Segment a whole part into faces; not in this version."""
-    raise Scan2NurbsError("Segmenting whole parts is not in this version; reconstruct_surface() takes one functional surface.")
+def segment(source: PointSource, params: PartParams | None = None, *, progress: StageProgress | None = None) -> Faces:
+    """Split a scan into faces.
 
+    Parameters
+    ----------
+    source : path, (N, 3) array-like, PointCloud or object with ``.points``
+        The scan.
+    params : PartParams, optional
+        By default everything is chosen from the cloud.
+    progress : callable, optional
+        Called with (stage, done, total) as the stages go on.
 
-def reconstruct(source: PointSource) -> NoReturn:
-    """Reconstruct a whole part; not in this version."""
-    raise Scan2NurbsError("Reconstructing whole parts is not in this version; reconstruct_surface() takes one functional surface.")
+    Returns
+    -------
+    Faces
+        One label a row of the input, in its order, −1 for none; the faces' shapes lie in the input's coordinates about
+        ``PointCloud.origin``, which is zero for points that lie about zero.
+
+    Raises
+    ------
+    InputError
+        If the source cannot be read or has fewer than three distinct points.
+    NoResultError
+        If the points lie on no surface, or no face is found among them.
+    """
+    parted = part_scan(source, params, progress=progress)
+    return replace(parted.faces, label=parted.label)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -12,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from scan2nurbs.errors import InputError, ParameterError
+from scan2nurbs.kernels.cells import extremes
 from scan2nurbs.kernels.distinct import distinct_rows
 
 PointSource: TypeAlias = "str | os.PathLike[str] | ArrayLike | PointCloud | Any"
@@ -40,8 +42,8 @@ class PointCloud:
         For each row of the input the index of its point here; −1 where the row is no point (NaN or infinite).
     source : str
         The file's path, or "array".
-    sha256 : str
-        Hash of the file's bytes, or of the array's.
+    file_sha256 : str
+        Hash of the file's bytes; empty where the points come from no file.
     format : str
         Name of the file's format, or "array".
     notes : tuple of str
@@ -53,9 +55,24 @@ class PointCloud:
     unit: str
     rows: NDArray[np.int64]
     source: str = "array"
-    sha256: str = ""
+    file_sha256: str = ""
     format: str = "array"
     notes: tuple[str, ...] = field(default=())
+
+    @cached_property
+    def sha256(self) -> str:
+        """SHA-256 of the file's bytes, or of the points, their origin and their rows; computed when it is first asked for."""
+        if self.file_sha256:
+            return self.file_sha256
+        digest = hashlib.sha256()
+        for array in (self.points, self.origin, self.rows):
+            digest.update(np.ascontiguousarray(array).data)
+        return digest.hexdigest()
+
+    @cached_property
+    def _is_plain(self) -> bool:
+        """Whether each row is one point, in the same order."""
+        return len(self.rows) == len(self.points) and bool(np.array_equal(self.rows, np.arange(len(self.rows))))
 
     @property
     def n_invalid(self) -> int:
@@ -69,6 +86,8 @@ class PointCloud:
 
     def to_rows(self, values: NDArray[Any], fill: Any) -> NDArray[Any]:
         """Spread one value a point over the rows of the input; rows that are no point get `fill`."""
+        if self._is_plain:
+            return np.asarray(values)
         spread = np.asarray(values)[np.maximum(self.rows, 0)]
         spread[self.rows < 0] = fill
         return spread
@@ -98,8 +117,7 @@ def as_cloud(source: PointSource, unit: str | None = None) -> PointCloud:
     if isinstance(source, str | os.PathLike):
         return _from_file(Path(source), unit)
     rows = _as_rows(getattr(source, "points", source))
-    digest = hashlib.sha256(np.ascontiguousarray(rows).data).hexdigest()
-    return _from_rows(rows, unit or "mm", source="array", sha256=digest)
+    return _from_rows(rows, unit or "mm", source="array")
 
 
 def _from_file(path: Path, unit: str | None) -> PointCloud:
@@ -112,7 +130,7 @@ def _from_file(path: Path, unit: str | None) -> PointCloud:
     with path.open("rb") as stream:
         digest = hashlib.file_digest(stream, "sha256").hexdigest()
     chosen = unit or scan.unit or "mm"
-    return _from_rows(scan.points, chosen, source=str(path), sha256=digest, format=scan.format, notes=notes)
+    return _from_rows(scan.points, chosen, source=str(path), file_sha256=digest, format=scan.format, notes=notes)
 
 
 def _as_rows(points: Any) -> NDArray[np.float64]:
@@ -126,25 +144,25 @@ def _as_rows(points: Any) -> NDArray[np.float64]:
 
 
 def _from_rows(rows: NDArray[np.float64], unit: str, **about: Any) -> PointCloud:
-    finite = np.isfinite(rows).all(axis=1)
-    kept = rows[finite]
-    index = np.full(len(rows), -1, np.int64)
-    distinct, index[finite] = _merge_duplicates(kept)
+    rows = np.ascontiguousarray(rows)
+    low, high, n_invalid = extremes(rows)
+    finite = np.isfinite(rows).all(axis=1) if n_invalid else slice(None)
+    points = rows[finite] + 0.0  # −0.0 equals 0.0, and so must its bytes
+    first, index = distinct_rows(points)
+    if n_invalid:
+        spread = np.full(len(rows), -1, np.int64)
+        spread[finite] = index
+        index = spread
+    distinct = points if len(first) == len(points) else points[first]
     path = None if about.get("source", "array") == "array" else about["source"]
     if len(distinct) < 3:
         raise InputError(f"Only {len(distinct)} distinct finite points are left of {len(rows)} rows; at least 3 are needed.", path=path)
-    low, high = distinct.min(axis=0), distinct.max(axis=0)
-    if np.abs(distinct).max() > MAGNITUDES[1] or (high - low).max() < MAGNITUDES[0]:
+    if max(np.abs(low).max(), np.abs(high).max()) > MAGNITUDES[1] or (high - low).max() < MAGNITUDES[0]:
         raise InputError("The coordinates are too large, or their extent too small, to compute with (1e-100 to 1e100).", path=path)
     origin = 0.5 * (low + high)
     # Points that lie about zero already keep their coordinates to the bit.
     if np.all(np.abs(origin) <= high - low):
         origin = np.zeros(3)
-    return PointCloud(points=distinct - origin, origin=origin, unit=unit, rows=index, **about)
-
-
-def _merge_duplicates(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return the distinct points in the order of their first appearance, and for each point its index among them."""
-    points = points + 0.0  # −0.0 equals 0.0, and so must its bytes
-    first, index = distinct_rows(points)
-    return (points if len(first) == len(points) else points[first]), index
+    else:
+        distinct -= origin
+    return PointCloud(points=distinct, origin=origin, unit=unit, rows=index, **about)

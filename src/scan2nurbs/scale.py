@@ -16,6 +16,8 @@ from scan2nurbs.kernels.nearest import nearest_distance, nearest_neighbours, nea
 from scan2nurbs.kernels.runner import Progress
 
 NEIGHBOUR = 12
+# Nearest points that a quadric is fitted to, and up to which noise, in h, their answer is believed.
+NEIGHBOURHOODS = ((16, 0.5), (40, 0.7), (100, np.inf))
 _SAMPLE = 4000
 _H_SAMPLE = 20_000
 _GUESS_SAMPLE = 4000
@@ -69,7 +71,7 @@ def measure_scale(points: NDArray[np.float64], *, progress: Progress | None = No
     """
     guess = _guess_spacing(points)
     cells = build_cells(points, math.sqrt(POINTS_PER_CELL) * guess)
-    nearest = nearest_distance(cells, reach=guess, progress=progress)
+    nearest = nearest_distance(cells, reach=1.5 * guess, progress=progress)
     h = _stable_spacing(cells)
     return Scale(spacing=float(nearest.mean()), h=h, noise=estimate_noise(cells, h), cells=cells)
 
@@ -107,17 +109,18 @@ def estimate_noise(cells: Cells, h: float) -> float:
 
     Notes
     -----
-    A quadric is fitted to the nearest 40 points of each of a few thousand points. Where an edge or a feature finer than that
+    A quadric is fitted to the nearest points of each of a few thousand points. Where an edge or a feature finer than that
     lies among them the residual is no noise, so it is not the median residual that counts but a low quantile, divided by
-    what that quantile of a chi-square variable with as many degrees of freedom would be. Strong noise thickens the nearest 40
-    points into a ball; where the answer says so, the neighbourhood grows.
+    what that quantile of a chi-square variable with as many degrees of freedom would be. Parts whose features are a few spacings
+    wide have few smooth places even so: the nearest 16 points are asked first. Strong noise thickens these into a ball; where the
+    answer says so, the neighbourhood grows.
     """
     noise = 0.0
-    for k in (40, 100):
+    for k, believed in NEIGHBOURHOODS:
         if len(cells.points) < k:
             break
         noise = _quadric_noise(cells, k)
-        if noise < 0.6 * h:
+        if noise < believed * h:
             break
     return noise
 

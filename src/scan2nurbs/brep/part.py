@@ -82,6 +82,8 @@ class PartEdge:
     angle : float
         Median angle between the surfaces, in degrees; 180 at a free border.
     length : float
+    points : (K, 3) float64
+        Places along it.
     """
 
     faces: tuple[int, int]
@@ -90,6 +92,7 @@ class PartEdge:
     gap: float
     angle: float
     length: float
+    points: Floats = field(repr=False)
 
 
 @dataclass(frozen=True)
@@ -275,7 +278,7 @@ def _model(
 def _edge(curve: BorderCurve) -> PartEdge:
     points = curve.curve(curve.curve.samples(64))
     length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
-    return PartEdge(curve.faces, curve.curve.kind, curve.mode, curve.gap, curve.angle, length)
+    return PartEdge(curve.faces, curve.curve.kind, curve.mode, curve.gap, curve.angle, length, points)
 
 
 def _area(face: Any) -> float:

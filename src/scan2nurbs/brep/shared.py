@@ -142,7 +142,10 @@ def _cut(work: _Work) -> None:
                 points = border.curve(np.array(marks[1:])) if len(marks) > 1 else []
                 curve = border.curve.started_at(marks[0])
                 work.curves[k] = border = replace(border, curve=curve)
-                marks = [t - marks[0] if border.curve.kind == "circle" else _nearest(border.curve, p) for t, p in zip(marks[1:], points, strict=True)]
+                marks = [
+                    t - marks[0] if border.curve.kind == "circle" else _nearest(border.curve, p)
+                    for t, p in zip(marks[1:], points, strict=True)
+                ]
             low, high = border.curve.domain
             at = [low, *sorted(marks), high]
             nodes = [vertex(border.curve(np.array([t]))[0]) for t in at[:-1]]

@@ -19,6 +19,7 @@ from scan2nurbs.brep.header import plain
 from scan2nurbs.brep.iges import write_iges
 from scan2nurbs.brep.occ import CONFUSION, KernelError, from_surface, kernel_errors
 from scan2nurbs.brep.part import PartModel
+from scan2nurbs.brep.part_mesh import face_rows
 from scan2nurbs.brep.read import faces_of, read_shape
 from scan2nurbs.brep.rhino import UNTRIMMED, write_3dm
 from scan2nurbs.brep.step import SCHEMAS, write_step
@@ -56,6 +57,7 @@ def write_part(
     schema: str = "AP242",
     origin: ArrayLike = (0.0, 0.0, 0.0),
     deflection: float | None = None,
+    names: Sequence[str] | None = None,
     colours: Sequence[Colour] | None = None,
 ) -> WrittenModel:
     """Write a whole part as a CAD model or a mesh.
@@ -65,7 +67,6 @@ def write_part(
     path : path
         The suffix chooses the format: a key of `scan2nurbs.brep.write.FORMATS`.
     part : PartModel
-        Its faces are called after their number and kind, such as "3 cylinder", in formats that have names.
     unit : str
         The unit of the cloud, and of STEP, IGES and 3DM files.
     name : str
@@ -76,6 +77,8 @@ def write_part(
         Added to all coordinates, in `unit`.
     deflection : float, optional
         Largest distance of a mesh from the faces, in `unit`; a thousandth of the extent by default.
+    names : sequence of str, optional
+        Of each face of the part, for formats that have names; by default kind and place in the part, such as "cylinder_3".
     colours : sequence of (red, green, blue), optional
         Of each face of the part, in [0, 1], for STEP; by default those of `COLOURS`.
 
@@ -99,7 +102,7 @@ def write_part(
     inside = {"STEP": _kernel_unit(part, unit, offset), "IGES": "mm"}.get(form, unit)
     scale = UNITS[unit] / UNITS[inside]
     whole = _moved(part.shape, scale / part.kernel_scale, offset * scale)
-    faces = _named(part, whole)
+    faces = _named(part, whole, names or [f"{face.kind}_{row}" for row, face in enumerate(part.faces)])
     model = check(whole)
     if form in MESH_WRITERS or form == "3DM":
         return WrittenModel(Path(path), form, unit, model, _write_plain(path, form, whole, faces, unit, deflection))
@@ -169,20 +172,10 @@ def _moved(shape: Any, factor: float, offset: Floats) -> Any:
         return BRepBuilderAPI_Transform(shape, moving.Multiplied(scaling), True).Shape()
 
 
-def _named(part: PartModel, whole: Any) -> list[tuple[str, int, Any]]:
+def _named(part: PartModel, whole: Any, names: Sequence[str]) -> list[tuple[str, int, Any]]:
     """Return the faces of the moved shape with their names and their rows in the part."""
-    from OCP.collections import IndexedMap_TopoDS_Shape_TopTools_ShapeMapHasher as ShapeMap
-
-    known, rows = ShapeMap(), []
-    for row, face in enumerate(part.faces):
-        for shape in face.shapes:
-            if known.Add(shape) > len(rows):
-                rows.append(row)
-    found = []
-    for original, face in zip(faces_of(part.shape), faces_of(whole), strict=True):
-        row = rows[known.FindIndex(original) - 1]
-        found.append((f"{row + 1} {part.faces[row].kind}", row, face))
-    return found
+    rows = face_rows(part)
+    return [(names[row], row, face) for row, face in zip(rows, faces_of(whole), strict=True)]
 
 
 def _differences(path: Path, expected: ModelCheck, form: str, unit: str) -> tuple[list[str], list[str]]:

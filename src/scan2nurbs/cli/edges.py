@@ -9,7 +9,7 @@ import typer
 
 from scan2nurbs.cli.config import parameters, read_config
 from scan2nurbs.cli.options import Given, Stage, takes
-from scan2nurbs.cli.outputs import POINTS, REPORTS, check_outputs
+from scan2nurbs.cli.outputs import CURVES, POINTS, REPORTS, check_outputs
 from scan2nurbs.cli.session import running
 from scan2nurbs.edges.params import EdgeParams
 
@@ -28,6 +28,10 @@ def edges(
         Path | None,
         typer.Option("--output", "-o", metavar="FILE", help="Every row of the scan with strength and edge: .ply, .npz or .csv."),
     ] = None,
+    curves: Annotated[
+        Path | None,
+        typer.Option("--curves", metavar="FILE", help="Curves along the edges: .step, .iges, .brep (B-splines), .ply or .obj (lines)."),
+    ] = None,
     *,
     given: Given,
 ) -> None:
@@ -39,31 +43,56 @@ def edges(
     common = given.common
     config = read_config(common.config, (EDGES,))
     params = parameters(EDGES, given, config, common.config)
-    check_outputs([(output, POINTS), (common.report, REPORTS)], [scan, common.config])
+    check_outputs([(output, POINTS), (curves, CURVES), (common.report, REPORTS)], [scan, common.config])
     with running("edges", common, scan) as session:
-        from scan2nurbs.api import detect_edges  # noqa: PLC0415
+        from scan2nurbs.api import edges_by_row  # noqa: PLC0415
+        from scan2nurbs.cli.edge_curves import network_record, write_network  # noqa: PLC0415
         from scan2nurbs.cloud import as_cloud  # noqa: PLC0415
+        from scan2nurbs.edges.detect import detect  # noqa: PLC0415
+        from scan2nurbs.edges.kinds import BORDER, with_kinds  # noqa: PLC0415
+        from scan2nurbs.edges.network import edge_network  # noqa: PLC0415
+        from scan2nurbs.scale import measure_scale  # noqa: PLC0415
 
         with session.watch("read"):
             cloud = as_cloud(scan, common.unit)
         with session.watch("edges"):
-            found = detect_edges(cloud, params, progress=session.bar("finding edges"))
-        if output is not None:
+            bar = session.bar("finding edges")
+            scale = measure_scale(cloud.points, progress=bar)
+            found = with_kinds(scale, detect(cloud.points, scale, params, bar), bar)
+        network = None
+        if curves is not None:
+            with session.watch("curves"):
+                border = None if found.kind is None else found.kind == BORDER
+                network = edge_network(cloud.points, scale, found.mask, border=border)
+        found = edges_by_row(found, cloud)
+        if output is not None or network is not None:
             with session.watch("write"):
-                write_edges(output, cloud, found)
+                if output is not None:
+                    write_edges(output, cloud, found)
+                if curves is not None and network is not None:
+                    write_network(curves, cloud, network, scale.h)
         record = edges_record(cloud, found, params)
+        if network is not None:
+            record["edges"]["curves"] = network_record(network)
         facts = edges_facts(record)
-        session.finish(record, edges_lines(cloud, facts), outputs=[output], headline=facts, pictures=lambda: edges_pictures(cloud, found))
+        outputs = [output, curves]
+        session.finish(record, edges_lines(cloud, facts), outputs=outputs, headline=facts, pictures=lambda: edges_pictures(cloud, found))
 
 
 def write_edges(path: Path, cloud: PointCloud, found: Edges) -> None:
-    """Write every row of the input with its strength and whether it is on an edge."""
+    """Write every row of the input with its strength, whether it is on an edge, and of what kind that is."""
     import numpy as np  # noqa: PLC0415
 
     from scan2nurbs.io import write_points  # noqa: PLC0415
 
     points = cloud.to_rows(cloud.points + cloud.origin, np.nan)
-    write_points(path, points, {"strength": found.strength.astype(np.float32), "edge": found.mask}, unit=cloud.unit)
+    columns = {"strength": found.strength.astype(np.float32), "edge": found.mask}
+    if found.kind is not None:
+        columns["kind"] = found.kind
+    for name in ("angle", "angle_error", "confidence"):
+        if getattr(found, name) is not None:
+            columns[name] = getattr(found, name).astype(np.float32)
+    write_points(path, points, columns, unit=cloud.unit)
 
 
 def edges_record(cloud: PointCloud, found: Edges, params: EdgeParams) -> dict[str, Any]:
@@ -89,18 +118,30 @@ def edges_record(cloud: PointCloud, found: Edges, params: EdgeParams) -> dict[st
             "radii": found.radii,
             "runs": [{"operator": operator, "kept": kept} for operator, kept in found.runs],
             "degenerate": found.counts,
+            "kinds": kind_counts(found),
         },
         "parameters": {"edges": params},
         "warnings": warnings,
     }
 
 
+def kind_counts(found: Edges) -> dict[str, int]:
+    """Count the points of each kind; empty where kinds were not asked for."""
+    from scan2nurbs.edges.kinds import KIND_NAMES  # noqa: PLC0415
+
+    return {} if found.kind is None else {name: int((found.kind == k).sum()) for k, name in enumerate(KIND_NAMES) if k}
+
+
 def edges_facts(record: dict[str, Any]) -> list[tuple[str, str]]:
     """Return the figures that answer the question."""
     found, unit = record["edges"], record["input"]["unit"]
     share = found["n_points"] / max(record["input"]["n_rows"], 1)
+    kinds = ", ".join(f"{count:,} {name}" for name, count in found["kinds"].items() if count)
+    curves = found.get("curves")
     return [
         ("edge points", f"{found['n_points']:,} ({share:.1%})"),
+        *([("kinds", kinds)] if kinds else []),
+        *([("curves", f"{len(curves['curves'])}, meeting in {curves['corners']} corners")] if curves else []),
         ("operators", " → ".join(run["operator"] for run in found["runs"])),
         ("threshold", f"{found['threshold']:.3g}°"),
         ("radii", ", ".join(f"{radius:.3g} {unit}" for radius in found["radii"].values())),

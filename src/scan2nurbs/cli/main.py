@@ -18,8 +18,8 @@ COMMANDS = {
     "edges": ("edges", "Mark the points of a scan that lie on an edge."),
     "surface": ("surface", "Rebuild one functional surface as a trimmed NURBS face."),
     "simulate": ("simulate", "Scan a CAD part with a simulated scanner."),
-    "segment": ("later", "Split a scan into faces (not in this version)."),
-    "convert": ("later", "Rebuild a whole part (not in this version)."),
+    "segment": ("segment", "Split a scan into faces."),
+    "convert": ("convert", "Rebuild a whole part as one CAD model."),
 }
 """For each command the module of this package that runs it, and what the overview says of it."""
 

@@ -10,6 +10,7 @@ from scan2nurbs.errors import ParameterError
 
 REPORTS = (".html", ".htm")
 POINTS = (".ply", ".npz", ".csv")
+CURVES = (".step", ".stp", ".iges", ".igs", ".brep", ".ply", ".obj")
 CAD = (".step", ".stp", ".iges", ".igs", ".brep", ".3dm")
 MESHES = (".stl", ".ply", ".obj")
 """Suffixes that have a writer; a test compares them with the writers."""
@@ -39,6 +40,16 @@ def check_outputs(outputs: Iterable[tuple[Path | None, Collection[str]]], inputs
         if any(where == other or _same_file(where, other) for other in taken):
             raise ParameterError(f"{path}: The output would overwrite another file of this command; name a different one.")
         taken.append(where)
+
+
+def check_rhino(output: Path | None) -> None:
+    """Find out before anything is computed that the library for 3DM is missing."""
+    if output is None or output.suffix.lower() != ".3dm":
+        return
+    from importlib.util import find_spec  # noqa: PLC0415
+
+    if find_spec("rhino3dm") is None:
+        raise ParameterError(f"{output}: 3DM needs an optional dependency: pip install 'scan2nurbs[rhino]'")
 
 
 def _check_place(path: Path, suffixes: Collection[str]) -> None:

@@ -10,10 +10,9 @@ import typer
 from scan2nurbs.cli import records
 from scan2nurbs.cli.config import read_config
 from scan2nurbs.cli.options import Given, takes
-from scan2nurbs.cli.outputs import CAD, MESHES, POINTS, REPORTS, check_outputs
+from scan2nurbs.cli.outputs import CAD, MESHES, POINTS, REPORTS, check_outputs, check_rhino
 from scan2nurbs.cli.session import running
 from scan2nurbs.cli.surface_options import STAGES, effective, surface_params
-from scan2nurbs.errors import ParameterError
 
 if TYPE_CHECKING:
     from scan2nurbs.pipeline import SurfaceModel, SurfaceParams
@@ -47,7 +46,7 @@ def surface(
     selections = [selection.source for selection in (params.boundary.keep_only, params.boundary.drop) if selection is not None]
     outputs = [(output, CAD + MESHES), (points, POINTS), (mesh, MESHES), (common.report, REPORTS)]
     check_outputs(outputs, [scan, common.config, *selections])
-    _check_rhino(output)
+    check_rhino(output)
     with running("surface", common, scan) as session:
         from scan2nurbs.pipeline import reconstruct_surface  # noqa: PLC0415
 
@@ -125,13 +124,3 @@ def _pictures(model: SurfaceModel) -> list[Any]:
     from scan2nurbs.cli.surface_pictures import surface_pictures  # noqa: PLC0415 - brings matplotlib
 
     return surface_pictures(model)
-
-
-def _check_rhino(output: Path | None) -> None:
-    """Find out before anything is computed that the library for 3DM is missing."""
-    if output is None or output.suffix.lower() != ".3dm":
-        return
-    from importlib.util import find_spec  # noqa: PLC0415
-
-    if find_spec("rhino3dm") is None:
-        raise ParameterError(f"{output}: 3DM needs an optional dependency: pip install 'scan2nurbs[rhino]'")

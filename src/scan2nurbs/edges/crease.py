@@ -1,25 +1,45 @@
-"""The default operator: a point is on an edge where two faces that meet explain its neighbourhood better than one curved face."""
+"""The default operator: a point is on an edge where two faces meet more sharply than any rounding, or one curved face, explains."""
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scan2nurbs.edges.operators import Lengths, Strength, one_sided
+from scan2nurbs.edges.border import find_borders
+from scan2nurbs.edges.chains import chain_extent
+from scan2nurbs.edges.operators import Lengths, Strength, compare_planes, one_sided_planes_of
 from scan2nurbs.edges.params import EdgeParams
-from scan2nurbs.kernels.cells import Cells
+from scan2nurbs.kernels.alongside import mean_along, nearest_piece
+from scan2nurbs.kernels.bend_widths import Bends, fit_bends
+from scan2nurbs.kernels.cells import Cells, build_cells
 from scan2nurbs.kernels.creases import fit_wedges
 from scan2nurbs.kernels.runner import Progress
+from scan2nurbs.kernels.sides import Meetings, meeting_sides
 
 # Where one-sided normals differ by less than this, in degrees, nothing is tried: fainter creases are lost in noise.
 CANDIDATE = 10.0
-# Logarithm of the likelihood ratio that is asked for. A wedge is the best of 57 splits (4 = log 57), and its extra parameters
-# must pay too (4: two of them, at half the logarithm of some fifty points each).
-EVIDENCE = 8.0
-# Residuals of less than this part of the spacing are no evidence: sampled shapes are never exact planes or quadrics.
-FLOOR = 0.03
+# Radius in h within which the planes of the two sides are averaged, and how far from its line of meeting a point still tells of it.
+SIDES, TELLING = 3.0, 2.5
+# Half-widths of roundings in h that a sharp bend is compared with.
+WIDTHS = (0.0, 1.2, 2.0, 3.0, 4.5)
+# The half-width of the window across a crease, in h: this times the root of the noise in h, within the bounds; it is half as long again.
+WINDOW, WINDOW_RANGE, LONGER = 8.0, (3.5, 8.0), 1.5
+# Mean logarithm of the likelihood ratio along a crease: what is asked for against one curved face, and against a rounding, which
+# is rarer and has a width to choose. Means over 4 h, repeated eight times, reach about 10 h either way.
+EVIDENCE, ROUNDING = 3.0, -0.3
+MEAN_REACH, MEANS = 4.0, 8
+# The best of the bumps that noise makes look like short shallow creases. Pieces 10 h apart share no points, so that evidence adds up
+# along a chain of pieces, which follow each other closer than 1.5 h, and of its sum more is asked for.
+APART, FOLLOWS, SUM = 10.0, 1.5, 12.0
+# How far from the crease points are marked, in h, and half the length of a piece of it.
+REACH, HALF_PIECE = 0.85, 1.0
+# The comparison that tells where the surface breaks: a wedge is the best of 57 splits (4 = log 57), and its extra parameters must
+# pay too (4: two of them, at half the logarithm of some fifty points each).
+WEDGE_EVIDENCE = 8.0
+WEDGE_FLOOR = 0.03
 # The angle by which noise may tilt a fitted half-plane, in degrees, and the radii of the fits, in h.
 TILT = 2.0
 RADII = (4.0, 8.0)
@@ -29,37 +49,101 @@ BAND = 3.0
 
 
 def crease(cells: Cells, lengths: Lengths, params: EdgeParams, progress: Progress | None = None) -> Strength:
-    """Measure by how many degrees the surface turns at a crease near each point; 0 where one curved face explains it as well.
+    """Measure by how many degrees the surface turns at a crease beside each point; 0 where there is none within reach.
 
-    Where one-sided normals differ (see `one_sided`), two half-planes and a quadric are fitted to the points about, with weights
-    that fall to the rim and against points of a third face. The half-planes must be so much better that the logarithm of the
-    likelihood ratio, n·log(rms of the quadric / rms of the half-planes), exceeds 8, and turn by more than noise could tilt
-    them; and the line in which they meet must pass within `reach` of the point.
+    Where one-sided normals differ (see `one_sided`), the planes about a point are averaged into two sides, which meet in a line. Bends
+    of several widths are fitted to the points about that line, as far as two faces explain them: sharp ones, rounded ones and one
+    curved face. The logarithms of their likelihoods are averaged along the crease. Where the sharp bend is likely enough, the
+    points within `reach` of it are on the edge. So are, with 90 degrees, the points where the surface ends (see `find_borders`).
 
     Notes
     -----
-    Normals that differ say that a surface bends; only the comparison says whether it bends or breaks. A fillet or a ridge whose radius
-    is several spacings is a better quadric than a wedge, and is no edge. Small neighbourhoods tell fillets from creases, but see
-    shallow creases only in little noise: where they leave it open, twice the radius decides. Candidates are few: about 50 to
-    200 µs each.
+    Normals that differ say that a surface bends; only the width says whether it bends or breaks. A window of a few spacings holds too
+    few points to tell in noise, and a wider one other edges; but a crease is long, and what a rounding looks like is the same all
+    along it. Candidates are a few per cent of the points, at about 100 µs each.
     """
-    candidates = one_sided(cells, lengths, params, progress)
-    chosen = np.flatnonzero(candidates.strength > CANDIDATE)
-    reach = lengths.h + lengths.noise if params.reach is None else params.reach * (1.0 if params.absolute else lengths.h)
-    radius = fit_radius(lengths.noise / lengths.h) * lengths.h
-    near = _compare(cells, cells.points[chosen], radius, lengths, reach)
-    turn = np.where(near.evidence > EVIDENCE, near.turn, 0.0)
-    open_ = np.flatnonzero((near.evidence > 0.0) & (near.evidence <= EVIDENCE))
-    far = _compare(cells, cells.points[chosen[open_]], WIDER * radius, lengths, reach)
-    turn[open_] = np.where(far.evidence > EVIDENCE, far.turn, 0.0)
+    planes = one_sided_planes_of(cells, lengths, params, progress)
+    candidates = compare_planes(cells, planes, lengths, progress)
+    border = find_borders(cells, candidates.normal, np.full(len(cells.points), lengths.h), lengths.h, lengths.noise).outline
+    places = np.flatnonzero(candidates.strength > CANDIDATE)
+    meetings = meeting_sides(cells, planes.normals.balls, planes.chosen, places, SIDES * lengths.h)
+    window = float(np.clip(WINDOW * math.sqrt(lengths.noise / lengths.h), *WINDOW_RANGE)) * lengths.h
+    meetings, bends = _bends(cells, places, meetings, window, lengths)
+    pieces = _sharp_pieces(meetings, bends, lengths)
+    reach = REACH * lengths.h if params.reach is None else params.reach * (1.0 if params.absolute else lengths.h)
     strength = np.where(np.isnan(candidates.strength), np.nan, 0.0)
-    strength[chosen] = np.minimum(turn, 90.0)
+    strength[border] = 90.0
+    if len(pieces.turn) > 0:
+        nearest = nearest_piece(cells, pieces.feet, pieces.direction, HALF_PIECE * lengths.h, reach)
+        found = (nearest >= 0) & ~np.isnan(strength) & ~border
+        strength[found] = np.minimum(np.degrees(pieces.turn[nearest[found]]), 90.0)
     return Strength(
         strength=strength,
         normal=candidates.normal,
-        radii=candidates.radii | {"wedge": radius, "wedge_wider": WIDER * radius},
-        counts=candidates.counts | {"crease_candidates": len(chosen), "crease_candidates_wider": len(open_)},
+        radii=candidates.radii | {"window": window, "reach": reach},
+        counts=candidates.counts
+        | {"crease_candidates": len(places), "crease_pieces": len(pieces.turn), "border_points": int(border.sum())},
     )
+
+
+class Pieces(NamedTuple):
+    """Short pieces of sharp creases, sorted into cells by their middles, with direction (K, 3) and turn (K,) in radians."""
+
+    feet: Cells
+    direction: NDArray[np.float64]
+    turn: NDArray[np.float64]
+
+
+def _bends(cells: Cells, places: NDArray[np.int64], meetings: Meetings, window: float, lengths: Lengths) -> tuple[Meetings, Bends]:
+    """Fit the bends twice, the second time about the crease that the first found."""
+
+    def fit(about: Meetings) -> Bends:
+        about.turn[farther(about.foot, SIDES)] = np.nan
+        return fit_bends(
+            cells,
+            places,
+            about,
+            across=window,
+            along=LONGER * window,
+            noise=lengths.noise,
+            spacing=lengths.h,
+            widths=np.array(WIDTHS) * lengths.h,
+        )
+
+    def farther(foot: NDArray[np.float64], reach: float) -> NDArray[np.bool_]:
+        return ~(np.linalg.norm(foot - cells.points[places], axis=1) < reach * lengths.h)
+
+    meetings = meetings._replace(foot=fit(meetings).foot)
+    bends = fit(meetings)
+    bends.turn[farther(bends.foot, TELLING)] = np.nan
+    return meetings, bends
+
+
+def _sharp_pieces(meetings: Meetings, bends: Bends, lengths: Lengths) -> Pieces:
+    """Average the likelihoods along the creases and keep the pieces that are sharp."""
+    kept = np.flatnonzero(np.isfinite(bends.turn) & np.isfinite(bends.misfit).all(axis=1))
+    if len(kept) == 0:
+        return Pieces(build_cells(np.zeros((1, 3)), 1.0), np.zeros((0, 3)), np.zeros(0))
+    feet = build_cells(bends.foot[kept], MEAN_REACH * lengths.h)
+    kept = kept[feet.order]
+    misfit = bends.misfit[kept]
+    # Where even the best bend fits worse than the noise allows, all count for less.
+    excess = np.maximum(misfit.min(axis=1) / np.maximum(bends.n_points[kept] - 7, 1), 1.0)
+    likelihood = -0.5 * (misfit - misfit[:, -1:]) / excess[:, None]
+    values = np.ascontiguousarray(np.c_[likelihood[:, :-1], bends.turn[kept]])
+    direction, across = meetings.direction[kept], meetings.across[kept]
+    up = np.cross(direction, across)
+    for _ in range(MEANS):
+        values = mean_along(feet, direction, up, values, MEAN_REACH * lengths.h, lengths.h)
+    sharp, rounded, turn = values[:, 0], values[:, 1:-1].max(axis=1), values[:, -1]
+    good = np.flatnonzero((sharp > EVIDENCE) & (sharp - rounded > ROUNDING))
+    extent = chain_extent(feet.points[good], FOLLOWS * lengths.h) / lengths.h
+    good = good[sharp[good] * (1.0 + extent / APART) > SUM]
+    if len(good) == 0:
+        return Pieces(feet, np.zeros((0, 3)), np.zeros(0))
+    pieces = build_cells(feet.points[good], 2.0 * lengths.h)
+    good = good[pieces.order]
+    return Pieces(pieces, np.ascontiguousarray(direction[good]), turn[good])
 
 
 def breaks(cells: Cells, places: NDArray[np.float64], lengths: Lengths) -> NDArray[np.bool_]:
@@ -76,10 +160,10 @@ def breaks(cells: Cells, places: NDArray[np.float64], lengths: Lengths) -> NDArr
     """
     radius, reach = fit_radius(lengths.noise / lengths.h) * lengths.h, BAND * lengths.h
     near = _compare(cells, places, radius, lengths, reach)
-    found = (near.evidence > EVIDENCE) & (near.turn > 0.0)
+    found = (near.evidence > WEDGE_EVIDENCE) & (near.turn > 0.0)
     open_ = np.flatnonzero((near.evidence > 0.0) & ~found)
     far = _compare(cells, places[open_], WIDER * radius, lengths, reach)
-    found[open_] = (far.evidence > EVIDENCE) & (far.turn > 0.0)
+    found[open_] = (far.evidence > WEDGE_EVIDENCE) & (far.turn > 0.0)
     return found
 
 
@@ -93,7 +177,7 @@ class _Comparison(NamedTuple):
 def _compare(cells: Cells, places: NDArray[np.float64], radius: float, lengths: Lengths, reach: float) -> _Comparison:
     places = np.ascontiguousarray(places)
     wedges = fit_wedges(cells, places, radius, lengths.noise, rounds=2)
-    floor = max(FLOOR * lengths.h, 0.2 * lengths.noise) ** 2
+    floor = max(WEDGE_FLOOR * lengths.h, 0.2 * lengths.noise) ** 2
     half = np.maximum(wedges.n_points, 1)
     with np.errstate(invalid="ignore"):
         # Weights that fall to the rim leave three quarters of the points' evidence; log(a²/b²) is twice log(a/b).

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scan2nurbs.edges.crease import crease
 from scan2nurbs.edges.operators import Lengths, Strength, run_operator
 from scan2nurbs.edges.params import EdgeParams
-from scan2nurbs.kernels.cells import build_cells
+from scan2nurbs.kernels.cells import build_cells, spread
 from scan2nurbs.kernels.runner import Progress
 from scan2nurbs.scale import Scale
 
@@ -93,16 +93,15 @@ def detect(points: NDArray[np.float64], scale: Scale, params: EdgeParams, progre
     params = params.resolved("crease")
     lengths = Lengths(spacing=scale.spacing, h=scale.h, noise=scale.noise)
     threshold = params.threshold if params.threshold is not None else _threshold(params, lengths)
-    kept = np.arange(len(points))
+    kept: NDArray[np.int64] | None = None  # all
     collected = _Collector(len(points))
     runs: list[tuple[str, int]] = []
     for name in params.runs():
-        cells = scale.cells if len(kept) == len(points) else build_cells(points[kept], scale.cells.size)
+        cells = scale.cells if kept is None else build_cells(points[kept], scale.cells.size)
         run = crease if name == "crease" else partial(run_operator, name)
-        result = run(cells, lengths, params, progress)
-        collected.add(result, kept[cells.order])
-        strength = collected.strength[kept]
-        kept = kept[strength > threshold]  # NaN is never larger
+        collected.add(run(cells, lengths, params, progress), cells.order, kept)
+        above = collected.strength > threshold  # NaN is never larger
+        kept = np.flatnonzero(above) if kept is None else kept[above[kept]]
         runs.append((name, len(kept)))
         if len(kept) < 3:
             break
@@ -111,10 +110,10 @@ def detect(points: NDArray[np.float64], scale: Scale, params: EdgeParams, progre
     return Edges(
         strength=collected.strength,
         mask=mask,
-        normal=collected.normal,
-        dn=collected.optional.get("dn"),
-        vdn_small=collected.optional.get("vdn_small"),
-        vdn_large=collected.optional.get("vdn_large"),
+        normal=collected.values["normal"],
+        dn=collected.values.get("dn"),
+        vdn_small=collected.values.get("vdn_small"),
+        vdn_large=collected.values.get("vdn_large"),
         threshold=threshold,
         spacing=scale.spacing,
         h=scale.h,
@@ -140,19 +139,25 @@ class _Collector:
 
     def __init__(self, n: int) -> None:
         self.n = n
-        self.strength = np.full(n, np.nan)
-        self.normal = np.full((n, 3), np.nan)
-        self.optional: dict[str, NDArray[np.float64]] = {}
+        self.values: dict[str, NDArray[np.float64]] = {}
         self.radii: dict[str, float] = {}
         self.counts: dict[str, int] = {}
 
-    def add(self, result: Strength, where: NDArray[np.int64]) -> None:
-        self.strength[where] = result.strength
-        self.normal[where] = result.normal
-        for name in ("dn", "vdn_small", "vdn_large"):
+    @property
+    def strength(self) -> NDArray[np.float64]:
+        return self.values["strength"]
+
+    def add(self, result: Strength, order: NDArray[np.int32], kept: NDArray[np.int64] | None) -> None:
+        """Take what was measured of the points `kept` (None: of all), in the order of their cells."""
+        where = order if kept is None else kept[order]
+        for name in ("strength", "normal", "dn", "vdn_small", "vdn_large"):
             values = getattr(result, name)
-            if values is not None:
-                self.optional.setdefault(name, np.full(self.n, np.nan))[where] = values
+            if values is None:
+                continue
+            if name not in self.values:
+                shape = (self.n, *values.shape[1:])
+                self.values[name] = np.empty(shape) if kept is None else np.full(shape, np.nan)
+            spread(values, where, self.values[name])
         self.radii |= result.radii
         for name, count in result.counts.items():
             self.counts[name] = self.counts.get(name, 0) + count

@@ -64,6 +64,21 @@ def order_points(points: Points, *, link: float, gap: float, prune: float, loop:
     return list(_chains(neighbours))
 
 
+def free_ends(points: Points, chains: list[Chain], reach: float) -> tuple[Points, Points]:
+    """Return the ends (E, 3) of chains that end alone, and the unit directions (E, 3) in which these end, taken over `reach`."""
+    count: dict[int, int] = defaultdict(int)
+    for chain in chains:
+        for node in () if chain.closed else (chain.nodes[0], chain.nodes[-1]):
+            count[node] += 1
+    ends, outward = [], []
+    for chain in chains:
+        for nodes in () if chain.closed else (chain.nodes, chain.nodes[::-1]):
+            if count[nodes[0]] == 1 and len(nodes) > 1:
+                ends.append(points[nodes[0]])
+                outward.append(_end_direction(points[nodes], reach))
+    return np.array(ends).reshape(-1, 3), np.array(outward).reshape(-1, 3)
+
+
 def path_length(points: Points, nodes: list[int]) -> float:
     """Return the length of the polyline through some of the points."""
     return float(np.linalg.norm(np.diff(points[nodes], axis=0), axis=1).sum())

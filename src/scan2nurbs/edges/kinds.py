@@ -21,6 +21,7 @@ from scan2nurbs.scale import Scale
 NONE, CONVEX, CONCAVE, BORDER, CORNER = range(5)
 KIND_NAMES = ("none", "convex", "concave", "border", "corner")
 
+WIDE = ("dn", "vdn", "edn", "one-sided")
 NEIGHBOURS = 8
 # Feet of wedges farther from their point than this, in h, belong to another edge.
 FOOT_REACH = 3.0
@@ -77,12 +78,10 @@ def edge_kinds(scale: Scale, edges: Edges, progress: Progress | None = None) -> 
     cells = scale.cells
     order = cells.order
     on_edge, normal = edges.mask[order], edges.normal[order]
-    neighbours, distance = nearest_neighbours(cells, min(NEIGHBOURS, len(order) - 1), progress=progress)
-    spacing = distance[:, -1] * np.sqrt(np.pi / distance.shape[1])
-    del distance
-    rows = np.flatnonzero(on_edge)
+    neighbours, _ = nearest_neighbours(cells, min(NEIGHBOURS, len(order) - 1), progress=progress)
+    borders = find_borders(cells, normal, np.full(len(order), scale.h), scale.h, scale.noise)
+    rows = np.flatnonzero(on_edge & ~borders.outline)
     creases, usable = _creases(scale, rows)
-    borders = find_borders(cells, normal, spacing, scale.h, scale.noise)
     doubtful = on_edge | _thick(cells, normal, neighbours, scale) | _beside(cells, borders.mask, scale)
     found = orient_normals(cells, normal, neighbours, doubtful, creases, scale.noise)
     kinds = _of_creases(scale, rows, creases, usable, found.sides.turn, found.sides.turn_error, found.sides.towards, found.agreement)
@@ -96,7 +95,12 @@ def edge_kinds(scale: Scale, edges: Edges, progress: Progress | None = None) -> 
 
 
 def with_kinds(scale: Scale, edges: Edges, progress: Progress | None = None) -> Edges:
-    """Return the edges with the kind of every point; borders where a sheet ends count as edges."""
+    """Return the edges with the kind of every point; borders where a sheet ends count as edges.
+
+    The paper's operators and one-sided normals mark wide bands, and come back as they are: kinds belong to thin edges.
+    """
+    if any(operator in WIDE for operator, _ in edges.runs):
+        return edges
     kinds = edge_kinds(scale, edges, progress)
     return replace(
         edges,

@@ -8,12 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scan2nurbs.kernels.cells import Cells
-from scan2nurbs.kernels.moments import BallPlanes, ball_planes
+from scan2nurbs.kernels.moments import UNDEFINED, BallPlanes, ball_planes
 from scan2nurbs.kernels.runner import Progress
 from scan2nurbs.kernels.symmetric3 import line_angles
 
+__all__ = ["UNDEFINED", "Normals", "angles_between", "normals_at"]
+
 MAX_WIDENINGS = 4
-UNDEFINED = 255
 
 
 @dataclass(frozen=True)
@@ -68,8 +69,7 @@ def normals_at(
     have no sense.
     """
     balls = ball_planes(cells, radius, sectors=sectors, widenings=MAX_WIDENINGS, only_normals=only_normals, exact=exact, progress=progress)
-    status = np.where(np.isnan(balls.normal[:, 0]), np.uint8(UNDEFINED), balls.widened)
-    return Normals(radius=radius, normal=balls.normal, status=status, sector_angle=balls.sector_angle, balls=balls)
+    return Normals(radius=radius, normal=balls.normal, status=balls.widened, sector_angle=balls.sector_angle, balls=balls)
 
 
 def angles_between(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from scan2nurbs.edges.params import EdgeParams
 from scan2nurbs.kernels.cells import Cells
 from scan2nurbs.kernels.one_sided import normal_differences, one_sided_planes
 from scan2nurbs.kernels.runner import Progress
+from scan2nurbs.kernels.symmetric3 import weighted_angles
 
 # One-sided normals: see one_sided().
 NORMAL_PRECISION = math.radians(1.5)
@@ -95,12 +97,7 @@ def edn(dn: NDArray[np.float64], vdn_small: NDArray[np.float64], vdn_large: NDAr
 
     An undefined VDN takes no part in the maximum. Where neither is defined, or DN is not, so is EDN, unless its weight is 0.
     """
-    strength = np.zeros_like(dn)
-    if alpha > 0:
-        strength += alpha * dn
-    if alpha < 1:
-        strength += (1.0 - alpha) * np.fmax(vdn_small, vdn_large)
-    return strength
+    return weighted_angles(dn, vdn_small, vdn_large, alpha)
 
 
 def one_sided(cells: Cells, lengths: Lengths, params: EdgeParams, progress: Progress | None = None) -> Strength:
@@ -114,6 +111,19 @@ def one_sided(cells: Cells, lengths: Lengths, params: EdgeParams, progress: Prog
     The radius follows the noise: a plane through the n = πr²/h² points of a ball is tilted by about 2σ/(r√n) = 2σh/(√π r²),
     and r makes that 1.5 degrees, but never below 3 h (28 points) nor above 8 h.
     """
+    return compare_planes(cells, one_sided_planes_of(cells, lengths, params, progress), lengths, progress)
+
+
+class SidedPlanes(NamedTuple):
+    """Planes of balls of one radius, and which of them each point takes; all in the order of the sorted points."""
+
+    radius: float
+    normals: Normals
+    chosen: NDArray[np.int32]
+
+
+def one_sided_planes_of(cells: Cells, lengths: Lengths, params: EdgeParams, progress: Progress | None = None) -> SidedPlanes:
+    """Choose for each point the flattest ball that it fits, of a radius that follows the noise."""
     unit = 1.0 if params.absolute else lengths.h
     if params.radius is not None:
         radius = params.radius * unit
@@ -121,10 +131,14 @@ def one_sided(cells: Cells, lengths: Lengths, params: EdgeParams, progress: Prog
         wanted = math.sqrt(2.0 / math.sqrt(math.pi) * lengths.noise / lengths.h / NORMAL_PRECISION)
         radius = lengths.h * min(max(wanted, RADIUS_RANGE[0]), RADIUS_RANGE[1])
     normals = normals_at(cells, radius, progress=progress)
-    chosen = one_sided_planes(cells, normals.balls, radius, lengths.noise, progress=progress)
-    normal = np.where((chosen >= 0)[:, None], normals.normal[chosen], np.nan)
+    return SidedPlanes(radius, normals, one_sided_planes(cells, normals.balls, radius, lengths.noise, progress=progress))
+
+
+def compare_planes(cells: Cells, planes: SidedPlanes, lengths: Lengths, progress: Progress | None = None) -> Strength:
+    """Measure by how many degrees the one-sided planes about each point differ."""
+    normal = np.where((planes.chosen >= 0)[:, None], planes.normals.normal[planes.chosen], np.nan)
     strength = normal_differences(cells, normal, NEIGHBOURS * lengths.h, QUANTILE, progress=progress)
-    return Strength(strength=strength, normal=normal, radii={"one_sided": radius}, counts=_counts("one_sided", normals))
+    return Strength(strength=strength, normal=normal, radii={"one_sided": planes.radius}, counts=_counts("one_sided", planes.normals))
 
 
 def _counts(name: str, normals: Normals) -> dict[str, int]:

@@ -89,7 +89,7 @@ def orient_normals(
     oriented = signed * np.where(component >= 0, flip[component], np.nan)[:, None]
     group = np.where(component >= 0, group_of[component], -1).astype(np.int32)
     outwards = _outwards(cells.points, oriented, group)
-    factor = np.where(sides.component >= 0, (flip * outwards[group_of])[sides.component], np.nan) if n else np.nan
+    factor = np.where(sides.component >= 0, (flip * outwards[group_of])[sides.component], np.nan)
     oriented *= np.where(group >= 0, outwards[group], np.nan)[:, None]
     towards = sides.towards * factor
     with np.errstate(invalid="ignore"):
@@ -107,10 +107,14 @@ def _votes(
         loose = np.flatnonzero((there >= 0) & (component >= 0) & (component[there] >= 0) & (component != component[there]))
         cosine = np.einsum("nc,nc->n", normals[loose], normals[there[loose]])
         loose, cosine = loose[np.abs(cosine) > LOOSE], cosine[np.abs(cosine) > LOOSE]
-        rows.append(component[loose]), columns.append(component[there[loose]]), values.append(cosine)
+        rows.append(component[loose])
+        columns.append(component[there[loose]])
+        values.append(cosine)
     a, b = sides.component.T
     both = (a >= 0) & (b >= 0) & (a != b)
-    rows.append(a[both]), columns.append(b[both]), values.append(CREASE_WEIGHT * (sides.towards[both, 0] * sides.towards[both, 1]))
+    rows.append(a[both])
+    columns.append(b[both])
+    values.append(CREASE_WEIGHT * sides.towards[both, 0] * sides.towards[both, 1])
     votes = coo_array((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), shape=(n, n)).tocsr()
     return csr_array(votes + votes.T)
 
@@ -118,7 +122,7 @@ def _votes(
 def _join(votes: csr_array, n: int) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
     """Return the sign of each component, alike over its group, and the group."""
     if n == 0:
-        return np.ones(0), np.zeros(0, np.int32)
+        return np.ones(1), np.zeros(1, np.int32)
     # The strongest votes make the tree; csgraph looks for the least sum, and takes 0 for no link.
     weights = votes.copy()
     weights.data = 1.0 / (1.0 + np.abs(votes.data))
@@ -137,7 +141,7 @@ def _join(votes: csr_array, n: int) -> tuple[NDArray[np.float64], NDArray[np.int
 def _outwards(points: NDArray[np.float64], normals: NDArray[np.float64], group: NDArray[np.int32]) -> NDArray[np.float64]:
     """Return −1 for each group whose normals point inwards on the whole."""
     member = np.flatnonzero(group >= 0)
-    n = int(group.max(initial=-1)) + 1
+    n = int(group.max(initial=0)) + 1
     size = np.maximum(np.bincount(group[member], minlength=n), 1)
     mean = np.stack([np.bincount(group[member], points[member, c], n) / size for c in range(3)], axis=1)
     flux = np.bincount(group[member], np.einsum("nc,nc->n", points[member] - mean[group[member]], normals[member]), n)

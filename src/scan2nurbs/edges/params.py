@@ -39,8 +39,8 @@ class EdgeParams:
     absolute : bool
         Whether radii are lengths in the cloud's unit.
     exact : bool
-        Whether the paper's operators sum every point of balls of thousands; else small cells stand for their points, which
-        moves normals by less than half a degree.
+        Whether the paper's operators sum every point; else small cells stand for the points in VDN of balls of more than about 500,
+        and in normals of balls of more than about 1,300, which moves normals by less than half a degree (docs/performance.md).
     alpha : float
         Weight α of DN in EDN, [0, 1].
     beta : float, optional

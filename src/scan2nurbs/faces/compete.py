@@ -115,9 +115,7 @@ def offered(sheet: Sheet, label: NDArray[np.int32], models: NDArray[np.float64],
     """Return the models that may explain each point (N, K): those it connects to along points that follow them, and those nearby."""
     order, starts = grouped(label, len(models))
     candidates, offers = np.empty((len(label), CANDIDATES), np.int32), np.empty((len(label), CANDIDATES))
-    offer_models(
-        sheet.points, sheet.normals, sheet.neighbours, order, starts, models, sheet.sigma, sheet.tilt, candidates, offers
-    )
+    offer_models(sheet.points, sheet.normals, sheet.neighbours, order, starts, models, sheet.sigma, sheet.tilt, candidates, offers)
     fill_candidates(candidates, nearby(sheet, label, rings))
     return candidates
 

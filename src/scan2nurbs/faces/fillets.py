@@ -76,7 +76,7 @@ def find_fillets(
         model = _rolled(sheet, corner, radius, zone)
         if model is None:
             continue
-        label[corner.points[zone]] = n
+        label[corner.points[_zone(corner, radius, 0.0) & (corner.u > -3.0 * sheet.sigma) & (corner.v > -3.0 * sheet.sigma)]] = n
         normals[corner.points[_zone(corner, radius, NORMAL_REACH)]] = np.nan
         found.append(model[None])
         n += 1

@@ -21,9 +21,7 @@ NEARBY = 4
 FREE_KINDS: tuple[Kind, ...] = ("bspline",)
 
 
-def rank_faces(
-    label: NDArray[np.int32], group: NDArray[np.int32], most: int | None
-) -> tuple[NDArray[np.int32], list[NDArray[np.int64]]]:
+def rank_faces(label: NDArray[np.int32], group: NDArray[np.int32], most: int | None) -> tuple[NDArray[np.int32], list[NDArray[np.int64]]]:
     """Sort faces by falling size, number them without gaps, and list each one's models; faces beyond the `most` largest are dissolved."""
     kept, compact, size = np.unique(label[label >= 0], return_inverse=True, return_counts=True)
     order = np.argsort(-size, kind="stable")

@@ -74,4 +74,8 @@ def find_primitives(
         candidates = offered(sheet, label, models, RINGS)
         if progress is not None:
             progress(step + 1, ROUNDS)
+    if kinds[CYLINDER] and kinds[TORUS]:
+        # Of strips this narrow the energy cannot pay for two borders; the lines of contact tell where they end.
+        _, label, models = find_fillets(sheet, label, models)
+        label, models = split_pieces(sheet, label, models, least)
     return label, models

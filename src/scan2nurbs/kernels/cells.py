@@ -12,14 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scan2nurbs.kernels.runner import kernel, run_ranges
+from scan2nurbs.kernels.sorting import radix_argsort
 
 CELLS_PER_AXIS = 1 << 20
 POINTS_PER_CELL = 32
-LANES = 64
-COLUMNS = 17 * LANES
-"""Columns of a table to begin with."""
-FAR = 1e9
-"""Coordinate of the points that fill up the last vector, in the caller's unit."""
 _RANGE = 1 << 16
 
 
@@ -73,19 +69,45 @@ def build_cells(points: NDArray[np.float64], size: float) -> Cells:
     -----
     O(N) by a radix sort; the result depends on the points and their order alone.
     """
-    low = points.min(axis=0)
-    extent = points.max(axis=0) - low
+    low, high = extremes(points)[:2]
+    extent = high - low
     size = max(float(size), float(extent.max()) / (CELLS_PER_AXIS - 1), np.finfo(np.float64).tiny)
     shape = (extent / size).astype(np.int64) + 1
     keys = np.empty(len(points), np.int64)
     run_ranges(lambda start, stop: _cell_keys(points, low, size, shape, start, stop, keys), len(points), size=_RANGE)
-    order = _radix_argsort(keys, int(shape.prod()))
+    order, keys = radix_argsort(keys, int(shape.prod()))
     arranged = np.empty_like(points)
     run_ranges(lambda start, stop: _take(points, order, start, stop, arranged), len(points), size=_RANGE)
-    keys = keys[order]
     cell_key, cell_start = _runs(keys)
     row_key, row_start = _runs(cell_key // shape[0])
     return Cells(arranged, order, low, size, shape, cell_key, cell_start, row_key, row_start)
+
+
+def extremes(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
+    """Return the least and the largest coordinates (3,) of the rows (N, 3) that are finite, and how many rows are not."""
+    n_ranges = -(-len(points) // _RANGE)
+    low, high, bad = np.empty((n_ranges, 3)), np.empty((n_ranges, 3)), np.empty(n_ranges, np.int64)
+
+    def work(start: int, stop: int) -> None:
+        r = start // _RANGE
+        bad[r] = _extremes(points, start, stop, low[r], high[r])
+
+    run_ranges(work, len(points), size=_RANGE)
+    return low.min(axis=0, initial=np.inf), high.max(axis=0, initial=-np.inf), int(bad.sum())
+
+
+@kernel
+def _extremes(points, start, stop, low, high):
+    for k in range(3):
+        low[k], high[k] = np.inf, -np.inf
+    bad = 0
+    for i in range(start, stop):
+        finite = np.isfinite(points[i, 0]) & np.isfinite(points[i, 1]) & np.isfinite(points[i, 2])
+        if finite:
+            for k in range(3):
+                low[k], high[k] = min(low[k], points[i, k]), max(high[k], points[i, k])
+        bad += not finite
+    return bad
 
 
 def _runs(keys: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -109,28 +131,17 @@ def _take(values, order, start, stop, out):
             out[i, k] = values[order[i], k]
 
 
+def spread(values: NDArray[np.float64], order: NDArray[np.integer], out: NDArray[np.float64]) -> None:
+    """Write ``out[order] = values`` for distinct rows: values of the sorted points (N,) or (N, K) to where these came from."""
+    rows, target = values.reshape(len(values), -1), out.reshape(len(out), -1)
+    run_ranges(lambda start, stop: _spread(rows, order, start, stop, target), len(rows), size=_RANGE)
+
+
 @kernel
-def _radix_argsort(keys, bound):
-    """Sort stably by counting 11 bits at a time, least significant first."""
-    n = len(keys)
-    order = np.arange(n).astype(np.int32)
-    other = np.empty(n, np.int32)
-    count = np.empty(2049, np.int64)
-    shift = 0
-    while shift == 0 or (bound >> shift) > 0:
-        count[:] = 0
-        for i in range(n):
-            count[((keys[i] >> shift) & 2047) + 1] += 1
-        for b in range(2048):
-            count[b + 1] += count[b]
-        for i in range(n):
-            j = order[i]
-            b = (keys[j] >> shift) & 2047
-            other[count[b]] = j
-            count[b] += 1
-        order, other = other, order
-        shift += 11
-    return order
+def _spread(values, order, start, stop, out):
+    for i in range(start, stop):
+        for k in range(values.shape[1]):
+            out[order[i], k] = values[i, k]
 
 
 @kernel
@@ -187,7 +198,8 @@ def runs_in_box(cells, low, high, runs):
             if b > a:
                 if n_runs == len(runs):
                     larger = np.empty((2 * n_runs, 2), np.int64)
-                    larger[:n_runs] = runs
+                    for k in range(n_runs):
+                        larger[k, 0], larger[k, 1] = runs[k, 0], runs[k, 1]
                     runs = larger
                 runs[n_runs, 0], runs[n_runs, 1] = cells.cell_start[a], cells.cell_start[b]
                 n_points += runs[n_runs, 1] - runs[n_runs, 0]
@@ -213,72 +225,3 @@ def points_in_box(points, runs, n_runs, low, high, indices):
             )
             n += inside
     return n
-
-
-@kernel
-def gather(cells, weights, low, high, reach, scale, centre, runs, table):
-    """Copy the points within reach of a box, as rows x, y, z relative to the box's centre.
-
-    Parameters
-    ----------
-    cells : Cells
-    weights : (N, W) float
-        More columns of the sorted points, or (0, 0).
-    low, high : (3,) float64
-        Corners of the box; they come back moved apart by the reach.
-    reach : float
-        In the points' unit.
-    scale : float
-        What the copies are multiplied by.
-    centre : (3,) float64
-        Receives the centre of the box.
-    runs : (K, 2) int64
-        Scratch; a larger array is returned where it is too small.
-    table : (R, M) float
-        Its first three rows receive the points, its last W the weights; a larger array is returned where it is too small.
-
-    Returns
-    -------
-    runs, table : arrays
-    n : int
-        How many columns are filled: a multiple of `LANES`, the last ones with points far away.
-    """
-    points = cells.points
-    half = np.empty(3)
-    for k in range(3):
-        centre[k] = 0.5 * (low[k] + high[k])
-        half[k] = 0.5 * (high[k] - low[k])
-        low[k] -= reach
-        high[k] += reach
-    runs, n_runs, room = runs_in_box(cells, low, high, runs)
-    if room + LANES > table.shape[1]:
-        # An odd number of vectors a row: rows a power of two apart would share the same few lines of the cache.
-        table = np.empty((table.shape[0], (2 * room // LANES | 1) * LANES), table.dtype)
-    x, y, z = table[0], table[1], table[2]
-    cx, cy, cz, hx, hy, hz = centre[0], centre[1], centre[2], half[0], half[1], half[2]
-    limit, n_weights = reach * reach, weights.shape[1]
-    first_weight, n = table.shape[0] - n_weights, 0
-    for r in range(n_runs):
-        for i in range(runs[r, 0], runs[r, 1]):
-            dx, dy, dz = points[i, 0] - cx, points[i, 1] - cy, points[i, 2] - cz
-            x[n], y[n], z[n] = dx * scale, dy * scale, dz * scale
-            gx, gy, gz = max(abs(dx) - hx, 0.0), max(abs(dy) - hy, 0.0), max(abs(dz) - hz, 0.0)
-            for k in range(n_weights):
-                table[first_weight + k, n] = weights[i, k]
-            n += gx * gx + gy * gy + gz * gz <= limit
-    # Whole vectors are several times faster than what is left over after the last one.
-    filled = -(-n // LANES) * LANES
-    x[n:filled], y[n:filled], z[n:filled] = FAR, FAR, FAR
-    table[first_weight:, n:filled] = 0.0
-    return runs, table, filled
-
-
-@kernel
-def bounds(points, start, stop, low, high):
-    """Write the bounding box of ``points[start:stop]`` into `low` and `high`."""
-    for k in range(3):
-        low[k], high[k] = points[start, k], points[start, k]
-    for i in range(start + 1, stop):
-        for k in range(3):
-            low[k] = min(low[k], points[i, k])
-            high[k] = max(high[k], points[i, k])

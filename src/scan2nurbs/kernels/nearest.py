@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from scan2nurbs.kernels.cells import COLUMNS, Cells, bounds, gather, points_in_box, runs_in_box
-from scan2nurbs.kernels.runner import Progress, kernel, run_ranges
+from scan2nurbs.kernels.candidates import COLUMNS, bounds, gather
+from scan2nurbs.kernels.cells import Cells, points_in_box, runs_in_box
+from scan2nurbs.kernels.runner import Progress, inlined, kernel, run_ranges
 
 CELLS_PER_RANGE = 128
 
@@ -79,7 +80,6 @@ def _nearest_distance(cells, start_reach, start, stop, out):
     points = cells.points
     most = 4.0 * cells.size * np.max(cells.shape)
     centre, low, high = np.empty(3), np.empty(3), np.empty(3)
-    no_weights = np.empty((0, 0))
     runs = np.empty((64, 2), np.int64)
     table = np.empty((3, COLUMNS))
     for cell in range(start, stop):
@@ -89,12 +89,13 @@ def _nearest_distance(cells, start_reach, start, stop, out):
         while left > 0:
             scale = 1.0 / reach
             bounds(points, first, end, low, high)
-            runs, table, n = gather(cells, no_weights, low, high, reach, scale, centre, runs, table)
+            runs, table, n = gather(cells, low, high, reach, scale, centre, runs, table)
+            x, y, z = table[0], table[1], table[2]
             left = 0
             for i in range(first, end):
                 if out[i] == np.inf:
                     px, py, pz = (points[i, 0] - centre[0]) * scale, (points[i, 1] - centre[1]) * scale, (points[i, 2] - centre[2]) * scale
-                    square = _least_square(table[0], table[1], table[2], n, px, py, pz)
+                    square = _least_square(x, y, z, n, px, py, pz)
                     if square <= 1.0:
                         out[i] = np.sqrt(square) * reach
                     elif reach > most:
@@ -104,16 +105,18 @@ def _nearest_distance(cells, start_reach, start, stop, out):
             reach *= 2.0
 
 
-@kernel
+@inlined
 def _least_square(x, y, z, n, px, py, pz):
     """Return the least squared distance that is not 0."""
     # Positive numbers are ordered as the integers of the same bits; only minima of integers become vector instructions here.
-    least = np.float64(np.inf).view(np.int64)
+    most = np.float64(np.inf).view(np.int64)
+    least = most
     for j in range(n):
         dx, dy, dz = x[j] - px, y[j] - py, z[j] - pz
         square = dx * dx + dy * dy + dz * dz
         bits = np.float64(square).view(np.int64)
-        least = min(least, bits if square > 0.0 else least)
+        bits = bits if square > 0.0 else most
+        least = bits if bits < least else least
     return np.int64(least).view(np.float64)
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from scan2nurbs.kernels.cells import Cells, bounds, points_in_box, runs_in_box
+from scan2nurbs.kernels.candidates import bounds
+from scan2nurbs.kernels.cells import Cells, points_in_box, runs_in_box
 from scan2nurbs.kernels.moments import BallPlanes
 from scan2nurbs.kernels.runner import Progress, kernel, run_ranges
 

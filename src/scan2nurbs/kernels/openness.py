@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from scan2nurbs.kernels.cells import Cells, points_in_box, runs_in_box
+from scan2nurbs.kernels.cells import COLUMNS, Cells, bounds, gather
 from scan2nurbs.kernels.runner import Progress, kernel, run_ranges
 
-POINTS_PER_RANGE = 4096
+CELLS_PER_RANGE = 128
 SECTORS = 16
 QUARTER = 4
+# At a border the mean of a ball lies 0.3 to 0.4 of its radius aside; where it lies less aside than this nothing is counted.
+ASIDE = 0.15
 # A quarter that is to be compared must hold so many points.
 LEAST = 5.0
 
@@ -31,7 +33,7 @@ def openness(
     thickness : float
         Points farther than this from a point's tangent plane are on another face.
     progress : callable, optional
-        Called with (points done, points).
+        Called with (cells done, cells).
 
     Returns
     -------
@@ -46,8 +48,8 @@ def openness(
     out = np.zeros(len(cells.points))
     run_ranges(
         lambda start, stop: _openness(cells, normals, radius, float(thickness), start, stop, out),
-        len(cells.points),
-        size=POINTS_PER_RANGE,
+        len(cells.cell_key),
+        size=CELLS_PER_RANGE,
         progress=progress,
     )
     return out
@@ -56,44 +58,50 @@ def openness(
 @kernel
 def _openness(cells, normals, radius, thickness, start, stop, out):
     points = cells.points
-    low, high = np.empty(3), np.empty(3)
+    low, high, centre = np.empty(3), np.empty(3), np.empty(3)
     runs = np.empty((64, 2), np.int64)
-    indices = np.empty(1024, np.int64)
-    local = np.empty((1024, 3))
+    no_weights = np.empty((0, 0))
+    table = np.empty((3, COLUMNS))
+    local = np.empty((COLUMNS, 3))
     count = np.empty(SECTORS)
-    for i in range(start, stop):
-        n0, n1, n2 = normals[i, 0], normals[i, 1], normals[i, 2]
-        if np.isnan(n0):
-            continue
-        for k in range(3):
-            low[k], high[k] = points[i, k] - radius[i], points[i, k] + radius[i]
-        runs, n_runs, room = runs_in_box(cells, low, high, runs)
-        if room > len(indices):
-            indices, local = np.empty(2 * room, np.int64), np.empty((2 * room, 3))
-        n = points_in_box(points, runs, n_runs, low, high, indices)
-        n = _local(points, indices, n, i, n0, n1, n2, radius[i], local)
-        count[:] = 0.0
-        for j in range(n):
-            if abs(local[j, 2]) <= thickness:
-                turn = np.arctan2(local[j, 1], local[j, 0]) / (2.0 * np.pi) + 0.5
-                count[min(int(turn * SECTORS), SECTORS - 1)] += 1.0
-        emptiest, fullest, where = _quarters(count)
-        if fullest < LEAST or emptiest > 0.5 * fullest:
-            continue
-        a = 2.0 * np.pi * ((where + 0.5 * QUARTER) / SECTORS - 0.5)
-        gx, gy = np.cos(a), np.sin(a)
-        for j in range(n):
-            if abs(local[j, 2]) > thickness:
-                ahead = local[j, 0] * gx + local[j, 1] * gy + abs(local[j, 2])
-                if abs(local[j, 1] * gx - local[j, 0] * gy) < ahead:
-                    emptiest += 1.0
-        out[i] = max(1.0 - emptiest / fullest, 0.0)
+    for cell in range(start, stop):
+        first, end = cells.cell_start[cell], cells.cell_start[cell + 1]
+        reach = np.max(radius[first:end])
+        scale = 1.0 / reach
+        bounds(points, first, end, low, high)
+        runs, table, n = gather(cells, no_weights, low, high, reach, scale, centre, runs, table)
+        if n > len(local):
+            local = np.empty((2 * n, 3))
+        for i in range(first, end):
+            if np.isnan(normals[i, 0]):
+                continue
+            px, py, pz = (points[i, 0] - centre[0]) * scale, (points[i, 1] - centre[1]) * scale, (points[i, 2] - centre[2]) * scale
+            r = radius[i] * scale
+            if _aside(table[0], table[1], table[2], n, px, py, pz, r * r, normals[i]) > ASIDE * r:
+                m = _local(table, n, px, py, pz, r * r, normals[i], local)
+                out[i] = _emptiness(local, m, thickness * scale, count)
 
 
 @kernel
-def _local(points, indices, n, i, n0, n1, n2, radius, local):
-    """Write the points of the ball in a frame whose third axis is the normal."""
+def _aside(x, y, z, n, px, py, pz, square, normal):
+    """Return how far the mean of a ball lies aside of its point, along the tangent plane."""
+    sx, sy, sz, m = 0.0, 0.0, 0.0, 0.0
+    for j in range(n):
+        dx, dy, dz = x[j] - px, y[j] - py, z[j] - pz
+        inside = 1.0 if dx * dx + dy * dy + dz * dz < square else 0.0
+        sx += inside * dx
+        sy += inside * dy
+        sz += inside * dz
+        m += inside
+    off = sx * normal[0] + sy * normal[1] + sz * normal[2]
+    return np.sqrt(max(sx * sx + sy * sy + sz * sz - off * off, 0.0)) / max(m, 1.0)
+
+
+@kernel
+def _local(table, n, px, py, pz, square, normal, local):
+    """Write the points of the ball, but for its own, in a frame whose third axis is the normal; return how many there are."""
     # Duff et al. (2017): a frame from a normal without branches but for its sign.
+    n0, n1, n2 = normal[0], normal[1], normal[2]
     s = 1.0 if n2 >= 0.0 else -1.0
     a = -1.0 / (s + n2)
     b = n0 * n1 * a
@@ -101,13 +109,35 @@ def _local(points, indices, n, i, n0, n1, n2, radius, local):
     vx, vy, vz = b, s + n1 * n1 * a, -n1
     kept = 0
     for j in range(n):
-        dx, dy, dz = points[indices[j], 0] - points[i, 0], points[indices[j], 1] - points[i, 1], points[indices[j], 2] - points[i, 2]
-        if indices[j] != i and dx * dx + dy * dy + dz * dz < radius * radius:
+        dx, dy, dz = table[0, j] - px, table[1, j] - py, table[2, j] - pz
+        far = dx * dx + dy * dy + dz * dz
+        if 0.0 < far < square:
             local[kept, 0] = dx * ux + dy * uy + dz * uz
             local[kept, 1] = dx * vx + dy * vy + dz * vz
             local[kept, 2] = dx * n0 + dy * n1 + dz * n2
             kept += 1
     return kept
+
+
+@kernel
+def _emptiness(local, n, thickness, count):
+    """Compare the emptiest quarter with the fullest, other faces unfolded into the plane."""
+    count[:] = 0.0
+    for j in range(n):
+        if abs(local[j, 2]) <= thickness:
+            turn = np.arctan2(local[j, 1], local[j, 0]) / (2.0 * np.pi) + 0.5
+            count[min(int(turn * SECTORS), SECTORS - 1)] += 1.0
+    emptiest, fullest, where = _quarters(count)
+    if fullest < LEAST or emptiest > 0.5 * fullest:
+        return 0.0
+    a = 2.0 * np.pi * ((where + 0.5 * QUARTER) / SECTORS - 0.5)
+    gx, gy = np.cos(a), np.sin(a)
+    for j in range(n):
+        if abs(local[j, 2]) > thickness:
+            ahead = local[j, 0] * gx + local[j, 1] * gy + abs(local[j, 2])
+            if abs(local[j, 1] * gx - local[j, 0] * gy) < ahead:
+                emptiest += 1.0
+    return max(1.0 - emptiest / fullest, 0.0)
 
 
 @kernel

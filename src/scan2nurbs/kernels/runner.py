@@ -35,6 +35,12 @@ def kernel(function: Function) -> Function:
     return numba.njit(nogil=True, cache=_cache_is_writable(), fastmath=REORDERING, error_model="numpy")(function)  # type: ignore[return-value]
 
 
+def inlined(function: Function) -> Function:
+    """Compile a function into the loops that call it, which only then become vector instructions."""
+    options = {"forceinline": True, "nogil": True, "fastmath": REORDERING, "error_model": "numpy"}
+    return numba.njit(cache=_cache_is_writable(), **options)(function)  # type: ignore[return-value]
+
+
 def set_threads(n: int | None) -> None:
     """Set how many threads kernels may use; None means as many as this process has processors."""
     if n is not None and n < 1:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from scan2nurbs.kernels.runner import kernel, run_ranges
+from scan2nurbs.kernels.runner import inlined, kernel, run_ranges
 
 # Variances across and along a neighbourhood: below this ratio (a strip 3 % as wide as long) it carries no plane.
 COLLINEAR = 1e-3
@@ -21,7 +21,7 @@ _ODD = (
 )  # fmt: skip
 
 
-@kernel
+@inlined
 def _third_of_angle(cosine):
     """Return cos(1/3 arccos x) for x in [-1, 1], several times faster than by calling both functions."""
     t = np.sqrt(0.5 + 0.5 * cosine)
@@ -33,7 +33,7 @@ def _third_of_angle(cosine):
     return even + t * odd
 
 
-@kernel
+@inlined
 def _least_axis(xx, xy, xz, yy, yz, zz):
     """Return whether a matrix has a least eigenvalue, without branches, a unit vector of it, and the eigenvalue."""
     trace = xx + yy + zz
@@ -60,13 +60,15 @@ def _least_axis(xx, xy, xz, yy, yz, zz):
 
 
 @kernel
-def normals_of_moments(sums, normals):
+def normals_of_moments(sums, n, normals):
     """Fit planes to several groups of points at once.
 
     Parameters
     ----------
     sums : (10, G) float64
         Of each group the sums of x, y, z, xx, xy, xz, yy, yz, zz about any fixed point, and the number of points.
+    n : int
+        How many groups there are, up to G.
     normals : (3, G) float64
         Receives the unit normals as lines; NaN where a group carries no plane, by the rules of `plane_of_moments`.
 
@@ -74,7 +76,7 @@ def normals_of_moments(sums, normals):
     -----
     Without branches, so that the groups share vector instructions: four take about as long as one.
     """
-    for g in range(sums.shape[1]):
+    for g in range(n):
         count = sums[9, g]
         share = 1.0 / max(count, 1.0)
         mx, my, mz = sums[0, g] * share, sums[1, g] * share, sums[2, g] * share
@@ -89,6 +91,31 @@ def normals_of_moments(sums, normals):
         normals[0, g] = nx if good else np.nan
         normals[1, g] = ny if good else np.nan
         normals[2, g] = nz if good else np.nan
+
+
+@kernel
+def planes_of_moments(sums, n, planes):
+    """Fit planes to several groups of points at once, and find their principal directions.
+
+    Parameters
+    ----------
+    sums : (10, G) float64
+        As for `normals_of_moments`.
+    n : int
+        How many groups there are, up to G.
+    planes : (7, G) float64
+        Receives the normal (3), NaN where a group carries no plane, the principal direction in the plane (3), and the variance along
+        the normal, as `plane_of_moments` defines them.
+    """
+    for g in range(n):
+        good, nx, ny, nz, ux, uy, uz, _, _, _, least, _ = _plane(
+            sums[9, g], sums[0, g], sums[1, g], sums[2, g], sums[3, g], sums[4, g], sums[5, g], sums[6, g], sums[7, g], sums[8, g]
+        )
+        planes[0, g] = nx if good else np.nan
+        planes[1, g] = ny if good else np.nan
+        planes[2, g] = nz if good else np.nan
+        planes[3, g], planes[4, g], planes[5, g] = ux, uy, uz
+        planes[6, g] = least
 
 
 @kernel
@@ -116,16 +143,26 @@ def plane_of_moments(count, s, out):
     largest cross product of rows of C − λI; the direction in the plane from a 2x2 problem, which stays defined where the two
     larger eigenvalues meet. Signs are fixed by the largest component, so that equal input gives equal output.
     """
-    if count < 3:
-        return False
-    mx, my, mz = s[0] / count, s[1] / count, s[2] / count
-    xx, xy, xz = s[3] / count - mx * mx, s[4] / count - mx * my, s[5] / count - mx * mz
-    yy, yz, zz = s[6] / count - my * my, s[7] / count - my * mz, s[8] / count - mz * mz
-    good, nx, ny, nz, least = _least_axis(xx, xy, xz, yy, yz, zz)
+    good, nx, ny, nz, ux, uy, uz, mx, my, mz, least, width = _plane(count, s[0], s[1], s[2], s[3], s[4], s[5], s[6], s[7], s[8])
     if not good:
         return False
-    if (nz < 0.0) if (abs(nz) >= abs(nx) and abs(nz) >= abs(ny)) else ((ny < 0.0) if abs(ny) >= abs(nx) else (nx < 0.0)):
-        nx, ny, nz = -nx, -ny, -nz
+    out[0], out[1], out[2], out[3], out[4], out[5] = nx, ny, nz, ux, uy, uz
+    out[6], out[7], out[8], out[9], out[10] = mx, my, mz, least, width
+    return True
+
+
+@inlined
+def _plane(count, sx, sy, sz, sxx, sxy, sxz, syy, syz, szz):
+    """Return whether sums carry a plane, without branches, and its description (see `plane_of_moments`)."""
+    share = 1.0 / max(count, 1.0)
+    mx, my, mz = sx * share, sy * share, sz * share
+    xx, xy, xz = sxx * share - mx * mx, sxy * share - mx * my, sxz * share - mx * mz
+    yy, yz, zz = syy * share - my * my, syz * share - my * mz, szz * share - mz * mz
+    good, nx, ny, nz, least = _least_axis(xx, xy, xz, yy, yz, zz)
+    largest = ny if abs(ny) >= abs(nx) else nx
+    largest = nz if abs(nz) >= abs(largest) else largest
+    flip = -1.0 if largest < 0.0 else 1.0
+    nx, ny, nz = flip * nx, flip * ny, flip * nz
     # A basis of the plane (Duff et al. 2017), then the 2x2 problem in it.
     sign = 1.0 if nz >= 0.0 else -1.0
     f = -1.0 / (sign + nz)
@@ -136,16 +173,14 @@ def plane_of_moments(count, s, out):
     bx, by, bz = xx * e2x + xy * e2y + xz * e2z, xy * e2x + yy * e2y + yz * e2z, xz * e2x + yz * e2y + zz * e2z
     c11, c12, c22 = ax * e1x + ay * e1y + az * e1z, ax * e2x + ay * e2y + az * e2z, bx * e2x + by * e2y + bz * e2z
     half, radius = 0.5 * (c11 + c22), np.sqrt(0.25 * (c11 - c22) * (c11 - c22) + c12 * c12)
-    if half - radius <= COLLINEAR * (half + radius):
-        return False
     # Half of the angle whose cosine is (c11 − c22) / 2R and whose sine is c12 / R.
-    double = (c11 - c22) / (2.0 * radius) if radius > 0.0 else 1.0
-    cosine, sine = np.sqrt(max(0.5 + 0.5 * double, 0.0)), np.copysign(np.sqrt(max(0.5 - 0.5 * double, 0.0)), c12)
-    out[0], out[1], out[2] = nx, ny, nz
-    out[3], out[4], out[5] = cosine * e1x + sine * e2x, cosine * e1y + sine * e2y, cosine * e1z + sine * e2z
-    out[6], out[7], out[8] = mx, my, mz
-    out[9], out[10] = max(least, 0.0), half - radius
-    return True
+    round_ = radius <= 0.0
+    double = 1.0 if round_ else (c11 - c22) / (2.0 * (1.0 if round_ else radius))
+    cosine, sine = np.sqrt(max(0.5 + 0.5 * double, 0.0)), np.sqrt(max(0.5 - 0.5 * double, 0.0))
+    sine = -sine if c12 < 0.0 else sine
+    good = good & (count >= 3.0) & (half - radius > COLLINEAR * (half + radius))
+    ux, uy, uz = cosine * e1x + sine * e2x, cosine * e1y + sine * e2y, cosine * e1z + sine * e2z
+    return good, nx, ny, nz, ux, uy, uz, mx, my, mz, max(least, 0.0), half - radius
 
 
 def line_angles(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -164,3 +199,18 @@ def _line_angles(a, b, start, stop, out):
         dot = a[i, 0] * b[i, 0] + a[i, 1] * b[i, 1] + a[i, 2] * b[i, 2]
         # The arc tangent keeps small angles, where the arc cosine of a number near 1 loses half of its digits.
         out[i] = np.degrees(np.arctan2(np.sqrt(x * x + y * y + z * z), abs(dot)))
+
+
+def weighted_angles(a: NDArray[np.float64], b: NDArray[np.float64], c: NDArray[np.float64], alpha: float) -> NDArray[np.float64]:
+    """Return ``alpha * a + (1 - alpha) * max(b, c)`` (N,); NaN takes no part in the maximum, nor does a term whose weight is 0."""
+    out = np.empty(len(a))
+    run_ranges(lambda start, stop: _weighted_angles(a, b, c, float(alpha), start, stop, out), len(a), size=1 << 15)
+    return out
+
+
+@kernel
+def _weighted_angles(a, b, c, alpha, start, stop, out):
+    for i in range(start, stop):
+        larger = b[i] if b[i] > c[i] or np.isnan(c[i]) else c[i]
+        first = alpha * a[i] if alpha > 0.0 else 0.0
+        out[i] = first + ((1.0 - alpha) * larger if alpha < 1.0 else 0.0)

@@ -2,25 +2,18 @@
 
 from __future__ import annotations
 
-import colorsys
 from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.colors import to_rgb
 from numpy.typing import NDArray
 
+from scan2nurbs.report.colours import face_colours
 from scan2nurbs.report.pictures import GREY, Array, Picture, draw_curves, stage, thin_out, to_png
 from scan2nurbs.report.view import View
 
-_GOLDEN = 0.618034
-SAMPLES = 400_000
-"""Points by which a mesh is drawn: about one a pixel."""
-
-
-def face_colours(n: int) -> Array:
-    """Return n colours (n, 3), any two that follow each other far apart in hue, in three levels of lightness."""
-    turns = (np.arange(n) * _GOLDEN) % 1.0
-    return np.array([colorsys.hls_to_rgb(hue, (0.55, 0.42, 0.68)[k % 3], 0.62) for k, hue in enumerate(turns)]).reshape(-1, 3)
+SAMPLES = 1_000_000
+"""Points by which a mesh is drawn: more than one a pixel."""
 
 
 def faces_picture(points: Array, label: NDArray[np.int32], *, unit: str, curves: Sequence[Array] = (), view: View | None = None) -> Picture:
@@ -46,11 +39,11 @@ def faces_picture(points: Array, label: NDArray[np.int32], *, unit: str, curves:
 
 
 def model_picture(
-    vertices: Array,
-    triangles: NDArray[np.int64],
+    corners: Array,
     face: NDArray[np.int32],
     *,
     unit: str,
+    closed: bool = False,
     edges: Sequence[Array] = (),
     free: Sequence[Array] = (),
     view: View | None = None,
@@ -59,15 +52,19 @@ def model_picture(
 
     Parameters
     ----------
-    vertices : (V, 3) float64
-        Of the model's triangles.
-    triangles : (T, 3) int64
+    corners : (T, 3, 3) float64
+        The model's triangles.
     face : (T,) int32
         The face of each triangle, in the numbering of `faces_picture`.
+    closed : bool
+        Whether the triangles bound a body: then those that turn their backs are left out, and nothing shines through.
     edges, free : sequences of (K, 3) float64
         Edges with a face on both sides, and with a face on one side only.
     """
-    points, owner = spread(vertices, triangles, SAMPLES)
+    if closed and view is not None:
+        seen = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) @ view.axes[2] > 0.0
+        corners, face = corners[seen], face[seen]
+    points, owner = spread(corners, SAMPLES)
     figure, axes, scene = stage(points, face_colours(int(face.max(initial=0)) + 1)[face[owner]], view, unit)
     draw_curves(axes, scene, edges, "black", 1.0)
     draw_curves(axes, scene, free, "red", 1.8)
@@ -75,14 +72,13 @@ def model_picture(
     return Picture("The model", caption + ("; free borders red." if free else "."), to_png(figure))
 
 
-def spread(vertices: Array, triangles: NDArray[np.int64], n: int) -> tuple[Array, NDArray[np.int64]]:
-    """Spread about n points evenly over triangles; return them (M, 3) and the triangle of each (M,)."""
-    corner = vertices[triangles]
+def spread(corner: Array, n: int) -> tuple[Array, NDArray[np.int64]]:
+    """Spread about n points evenly over triangles (T, 3, 3); return them (M, 3) and the triangle of each (M,)."""
     area = 0.5 * np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1)
     total = float(area.sum())
     # Every triangle gets its share, rounded by where the running sum passes whole numbers.
     steps = np.floor(np.cumsum(area) * (n / total if total > 0 else 0.0)).astype(np.int64)
-    owner = np.repeat(np.arange(len(triangles)), np.diff(steps, prepend=0))
+    owner = np.repeat(np.arange(len(corner)), np.diff(steps, prepend=0))
     # An additive recurrence fills the unit square evenly without random numbers (Roberts 2018).
     a = np.mod(np.arange(len(owner))[:, None] * [0.7548776662466927, 0.5698402909980532], 1.0)
     a = np.where(a.sum(axis=1, keepdims=True) > 1.0, 1.0 - a, a)

@@ -73,7 +73,7 @@ def study(feet: Floats, residuals: Floats, noise: float) -> Residuals:
     if len(d) < 8:
         return Residuals(0.0, 1.0, noise, off)
     found = [_polynomials(p, d), _blocks(p, d)]
-    rest = float(np.sqrt(max(float(d @ d) - found[0][0], 0.0) / max(len(d) - found[0][1], 1)))
+    rest = float(np.sqrt(min(max(float(d @ d) - square, 0.0) / max(len(d) - rank, 1) for square, rank in found)))
     sigma = max(noise, rest)
     excess = [max(square / sigma**2 - rank, 0.0) / len(d) for square, rank in found]
     chance = min(float(chi2.sf(square / sigma**2, rank)) for square, rank in found)

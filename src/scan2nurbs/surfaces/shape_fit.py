@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from scan2nurbs.errors import InputError, NoResultError, ParameterError
 from scan2nurbs.surfaces.explain import Residuals, study
 from scan2nurbs.surfaces.fit import FitParams, fit_surface
+from scan2nurbs.surfaces.interior import interior
 from scan2nurbs.surfaces.primitive_fit import criterion, fit_primitive
 from scan2nurbs.surfaces.shape import KINDS, Floats, Kind, Shape
 from scan2nurbs.surfaces.shape_parameters import COLUMNS
@@ -93,8 +94,16 @@ def choose_shape(points: ArrayLike, *, noise: float, kinds: Sequence[Kind] = KIN
     ------
     NoResultError
         If no kind can be fitted.
+
+    Notes
+    -----
+    Where the face is wide enough, points along its border do not decide: they may belong to the neighbours. A primitive is fitted to them
+    too if it leaves nothing but noise there.
     """
-    p, w = _checked(points, None, noise)
+    everything, _ = _checked(points, None, noise)
+    inside = interior(everything)
+    p, w = np.ascontiguousarray(everything[inside]), np.ones(int(inside.sum()))
+    normals = None if normals is None else normals[inside]
     fits: list[tuple[ShapeFit, Residuals]] = []
     for kind in _PRIMITIVES:
         if kind not in kinds:
@@ -104,13 +113,13 @@ def choose_shape(points: ArrayLike, *, noise: float, kinds: Sequence[Kind] = KIN
             fits.append(found)
             # Few points cannot show that nothing is left.
             if kind == "plane" and len(p) >= _MANY and found[1].nothing_left():
-                return found[0]
+                return _with_border(found[0], everything, noise)
     # Points rougher than told must not buy parameters with their roughness.
     sigma = float(np.clip(min((r.noise for _, r in fits), default=noise), noise, _ROUGHEST * noise))
     judged = [(_judge(fit, p, w, sigma), r) for fit, r in fits]
     judged.sort(key=lambda pair: pair[0].criterion)
     if judged and judged[0][1].explained(sigma):
-        return judged[0][0]
+        return _with_border(judged[0][0], everything, noise)
     for kind in _OTHERS:
         if kind not in kinds:
             continue
@@ -132,6 +141,20 @@ def _try(kind: Kind, points: Floats, noise: float, normals: Floats | None) -> tu
         return None
     extent = float(np.ptp(points, axis=0).max())
     return fit, study(fit.shape.foot(points), fit.shape.distance(points), max(noise, 1e-9 * extent))
+
+
+def _with_border(fit: ShapeFit, everything: Floats, noise: float) -> ShapeFit:
+    """Fit a primitive again to all points of a face, if those along its border are on it."""
+    if fit.n_points == len(everything):
+        return fit
+    extent = float(np.ptp(everything, axis=0).max())
+    left = study(fit.shape.foot(everything), fit.shape.distance(everything), max(noise, 1e-9 * extent))
+    if not left.nothing_left():
+        return fit
+    try:
+        return replace(fit_shape(fit.shape.kind, everything, noise=noise, start=fit.shape), criterion=fit.criterion)
+    except NoResultError:
+        return fit
 
 
 def _judge(fit: ShapeFit, points: Floats, weights: Floats, sigma: float) -> ShapeFit:

@@ -1,0 +1,220 @@
+"""A whole part on one page: from a scan to its faces, their surfaces, and one CAD model of them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scan2nurbs.brep.part import PartModel, build_part
+from scan2nurbs.brep.part import PartParams as ModelParams
+from scan2nurbs.brep.write import WrittenModel
+from scan2nurbs.brep.write_part import write_part
+from scan2nurbs.cloud import PointSource, as_cloud
+from scan2nurbs.edges.detect import detect
+from scan2nurbs.edges.params import EdgeParams
+from scan2nurbs.errors import NoResultError
+from scan2nurbs.faces.corrections import FaceCorrections
+from scan2nurbs.faces.segmentation import SegmentParams, segment_points
+from scan2nurbs.faces.topology import Topology, TopologyParams, find_topology
+from scan2nurbs.kernels.runner import Progress
+from scan2nurbs.part_faces import Parted, by_topology, corrected, deviations
+from scan2nurbs.part_report import part_report
+from scan2nurbs.report.colours import face_colours
+from scan2nurbs.report.record import Stopwatch
+from scan2nurbs.scale import Scale, line_share, measure_scale
+from scan2nurbs.surfaces.relations import Related, impose_relations
+from scan2nurbs.surfaces.shape import Shape
+
+StageProgress = Callable[[str, int, int], None]
+"""Called with the stage's name, how much of it is done, and how much there is."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PartParams:
+    """Parameters of `reconstruct` and `segment`: one dataclass a stage.
+
+    Attributes
+    ----------
+    edges : EdgeParams
+        The operator that finds edge points.
+    segment : SegmentParams
+        How points are grouped into faces.
+    corrections : FaceCorrections, optional
+        Corrections of the faces by hand.
+    relations : bool
+        Whether faces that are parallel, coaxial, tangent, … within their uncertainty are made so exactly.
+    topology : TopologyParams
+        How the faces' common borders are found.
+    model : ModelParams
+        How the CAD model is built.
+    """
+
+    edges: EdgeParams = field(default_factory=EdgeParams)
+    segment: SegmentParams = field(default_factory=SegmentParams)
+    corrections: FaceCorrections | None = None
+    relations: bool = True
+    topology: TopologyParams = field(default_factory=TopologyParams)
+    model: ModelParams = field(default_factory=ModelParams)
+
+
+@dataclass(frozen=True)
+class Model(Parted):
+    """A scan's CAD model and how it was made.
+
+    Points and lengths are in the cloud's local frame and unit; `write` moves the model back to the input's coordinates.
+
+    Attributes
+    ----------
+    related : Related or None
+        The relations that hold between the faces' surfaces; None where none were wanted.
+    topology : Topology
+        Which faces meet, along which borders; its faces come first in `faces`, those that found no place in it last.
+    part : PartModel
+        The CAD model.
+    deviation : (N,) float64
+        Signed distance of each of the cloud's points from its face's surface, positive outside the body; NaN where it has no face.
+    report : dict
+        All figures, as they stand in the JSON.
+    """
+
+    related: Related | None
+    topology: Topology
+    part: PartModel
+    deviation: NDArray[np.float64]
+    report: dict[str, Any]
+
+    @property
+    def surfaces(self) -> tuple[Shape, ...]:
+        """One shape a face, such as a Plane or a Cylinder."""
+        return tuple(fit.shape for fit in self.faces.fits)
+
+    def write(self, path: str | os.PathLike[str], *, schema: str = "AP242") -> WrittenModel:
+        """Write the model to a STEP, IGES, BREP, 3DM or mesh file, by its suffix, in the input's unit and coordinates.
+
+        Raises
+        ------
+        OutputError
+            If the file cannot be written, or does not read back as it was written; nothing is left then.
+        """
+        return write_part(
+            path,
+            self.part,
+            unit=self.cloud.unit,
+            name=Path(self.cloud.source).stem,
+            schema=schema,
+            origin=self.cloud.origin,
+            names=self.names,
+            colours=[(r, g, b) for r, g, b in face_colours(len(self.part.faces)).tolist()],
+        )
+
+
+def reconstruct(
+    source: PointSource, params: PartParams | None = None, *, unit: str | None = None, progress: StageProgress | None = None
+) -> Model:
+    """Reconstruct a whole part: edges, faces, surfaces, relations, topology, CAD model.
+
+    Parameters
+    ----------
+    source : path, (N, 3) array-like, PointCloud or object with ``.points``
+        The scan.
+    params : PartParams, optional
+        By default everything is chosen from the cloud.
+    unit : str, optional
+        Overrides what the file says.
+    progress : callable, optional
+        Called with (stage, done, total) as the stages go on.
+
+    Raises
+    ------
+    InputError
+        If the source cannot be read or has fewer than three distinct points.
+    NoResultError
+        If the points lie on no surface, or no face is found among them.
+    """
+    params = params or PartParams()
+    watch = Stopwatch()
+    parted = part_scan(source, params, unit=unit, progress=progress, watch=watch)
+    points, scale, faces = parted.cloud.points, parted.scale, parted.faces
+    related = None
+    if params.relations:
+        with watch("relations"):
+            related = impose_relations(points, faces.label, faces.fits, noise=scale.noise, h=scale.h, smooth=faces.smooth)
+            parted = replace(parted, faces=replace(faces, fits=related.fits))
+    with watch("topology"):
+        fits = parted.faces.fits
+        topology = find_topology(points, faces.label, fits, scale, params.topology, _stage(progress, "finding borders"))
+        parted = by_topology(parted, topology)
+    with watch("model"):
+        fits = parted.faces.fits[: topology.n_faces]
+        part = build_part(points, fits, topology, scale, params.model, _stage(progress, "building the model"))
+    deviation = deviations(points, parted.faces.label, parted.faces.fits, topology.outward)
+    model = Model(**vars(parted), related=related, topology=topology, part=part, deviation=deviation, report={})
+    return replace(model, report=part_report(model, params, watch.seconds))
+
+
+def part_scan(
+    source: PointSource,
+    params: PartParams | None = None,
+    *,
+    unit: str | None = None,
+    progress: StageProgress | None = None,
+    watch: Stopwatch | None = None,
+) -> Parted:
+    """Part a scan into faces: edges, faces, corrections by hand.
+
+    Parameters
+    ----------
+    source : path, (N, 3) array-like, PointCloud or object with ``.points``
+        The scan.
+    params : PartParams, optional
+        By default everything is chosen from the cloud.
+    unit : str, optional
+        Overrides what the file says.
+    progress : callable, optional
+        Called with (stage, done, total) as the stages go on.
+    watch : Stopwatch, optional
+        Times the stages.
+
+    Raises
+    ------
+    InputError
+        If the source cannot be read or has fewer than three distinct points.
+    NoResultError
+        If the points lie on no surface, or no face is found among them.
+    """
+    params, watch = params or PartParams(), watch or Stopwatch()
+    with watch("read"):
+        cloud = as_cloud(source, unit)
+    with watch("scale"):
+        scale = measure_scale(cloud.points, progress=_stage(progress, "measuring"))
+        require_surface(scale)
+    with watch("edges"):
+        edges = detect(cloud.points, scale, params.edges, _stage(progress, "finding edges"))
+    with watch("faces"):
+        faces = segment_points(cloud.points, scale, edges, params.segment, _stage(progress, "finding faces"))
+        parted = Parted(cloud, scale, edges, faces, np.arange(len(faces.fits), dtype=np.int32))
+        if params.corrections is not None:
+            parted = corrected(parted, params.corrections)
+    if not parted.faces.fits:
+        raise NoResultError("No face was found: no part of the scan is smooth over more than a few points.")
+    return parted
+
+
+def require_surface(scale: Scale) -> None:
+    """Refuse points that lie on curves: what spacing and normals are measured from them means nothing."""
+    share = line_share(scale.cells)
+    if share > 0.5:
+        raise NoResultError(
+            f"The neighbours of {share:.0%} of the points form a line: these points lie on curves, as the vertices of a CAD mesh do, "
+            "and not all over a surface. Scan or sample the surface between them (`scan2nurbs simulate` does so from a STEP file)."
+        )
+
+
+def _stage(progress: StageProgress | None, name: str) -> Progress | None:
+    return None if progress is None else lambda done, total: progress(name, done, total)

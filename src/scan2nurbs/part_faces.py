@@ -1,0 +1,128 @@
+"""The faces of a part on their way through the stages: numbered, corrected by hand, put into the order of the model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+
+from scan2nurbs.cloud import PointCloud
+from scan2nurbs.edges.corrections import Selection
+from scan2nurbs.edges.detect import Edges
+from scan2nurbs.faces.corrections import FaceCorrections, apply_face_corrections
+from scan2nurbs.faces.segmentation import Faces
+from scan2nurbs.faces.topology import Topology
+from scan2nurbs.scale import Scale
+from scan2nurbs.surfaces.shape_fit import ShapeFit, choose_shape, fit_shape
+
+
+@dataclass(frozen=True)
+class Parted:
+    """A scan, parted into faces.
+
+    Attributes
+    ----------
+    cloud : PointCloud
+        The points, their unit and origin.
+    scale : Scale
+        Spacing and noise.
+    edges : Edges
+        Points on edges, in the cloud's order.
+    faces : Faces
+        The face of each of the cloud's points, and the faces' surfaces.
+    numbers : (F,) int32
+        The number by which each face goes in files and reports; 0, 1, 2, … unless corrections removed some.
+    """
+
+    cloud: PointCloud
+    scale: Scale
+    edges: Edges
+    faces: Faces
+    numbers: NDArray[np.int32]
+
+    @property
+    def label(self) -> NDArray[np.int32]:
+        """The face's number for every row of the input; −1 for none."""
+        numbers = np.append(self.numbers, np.int32(-1))  # label −1 takes the last
+        return self.cloud.to_rows(numbers[self.faces.label], -1)
+
+    @property
+    def names(self) -> list[str]:
+        """A name a face: its type and number."""
+        return [f"{fit.shape.kind}_{number}" for fit, number in zip(self.faces.fits, self.numbers, strict=True)]
+
+
+def corrected(parted: Parted, corrections: FaceCorrections) -> Parted:
+    """Do corrections by hand; faces whose points or kind they change are fitted anew."""
+    cloud, faces, noise = parted.cloud, parted.faces, parted.scale.noise
+
+    def selected(selection: Selection) -> NDArray[np.bool_]:
+        chosen = np.zeros(len(cloud.points), np.bool_)
+        rows = cloud.rows[selection.of(cloud.to_rows(cloud.points + cloud.origin, np.nan))]
+        chosen[rows[rows >= 0]] = True
+        return chosen
+
+    done = apply_face_corrections(faces.label, corrections, selected)
+    numbers = np.unique(done.label[done.label >= 0])
+    label = np.where(done.label >= 0, np.searchsorted(numbers, done.label), -1).astype(np.int32)
+    fits = []
+    for number in numbers.tolist():
+        points = cloud.points[done.label == number]
+        if number in done.forced:
+            fits.append(fit_shape(done.forced[number], points, noise=noise))
+        else:
+            fits.append(choose_shape(points, noise=noise) if number in done.changed else faces.fits[number])
+    index = {number: k for k, number in enumerate(numbers.tolist())}
+    smooth = frozenset((index[i], index[j]) for i, j in faces.smooth if i in index and j in index)
+    return replace(parted, faces=replace(faces, label=label, fits=tuple(fits), smooth=smooth), numbers=numbers.astype(np.int32))
+
+
+def by_topology(parted: Parted, topology: Topology) -> Parted:
+    """Put the faces into the order of the topology, which may have parted some and lost some.
+
+    Of a face that fell apart the largest piece keeps the number, the others get the next free ones; its points go to the nearest piece.
+    """
+    cloud, faces = parted.cloud, parted.faces
+    source = topology.source
+    lost = np.setdiff1d(np.arange(len(faces.fits)), source)
+    area = np.bincount(topology.mesh.face, _triangle_areas(topology), minlength=len(source))
+    numbers = np.append(parted.numbers[source], parted.numbers[lost])
+    label = np.full(len(faces.fits) + 1, -1, np.int32)  # the last stands for no face
+    label[lost] = len(source) + np.arange(len(lost))
+    label[source] = np.arange(len(source))
+    label = label[faces.label]
+    following = int(parted.numbers.max(initial=-1)) + 1
+    corners = topology.mesh.vertices[topology.mesh.triangles].mean(axis=1)
+    for whole in np.flatnonzero(np.bincount(source) > 1).tolist():
+        pieces = np.flatnonzero(source == whole)
+        pieces = pieces[np.argsort(-area[pieces], kind="stable")]
+        numbers[pieces[1:]] = following + np.arange(len(pieces) - 1)
+        following += len(pieces) - 1
+        triangles = np.flatnonzero(np.isin(topology.mesh.face, pieces))
+        own = np.flatnonzero(faces.label == whole)
+        _, nearest = KDTree(corners[triangles]).query(cloud.points[own])
+        label[own] = topology.mesh.face[triangles[nearest]]
+    order = np.append(source, lost).tolist()
+    place = {k: new for new, k in reversed(list(enumerate(order)))}
+    smooth = frozenset((min(place[i], place[j]), max(place[i], place[j])) for i, j in faces.smooth)
+    fits = tuple(faces.fits[k] for k in order)
+    return replace(parted, faces=replace(faces, label=label, fits=fits, smooth=smooth), numbers=numbers)
+
+
+def _triangle_areas(topology: Topology) -> NDArray[np.float64]:
+    a, b, c = np.moveaxis(topology.mesh.vertices[topology.mesh.triangles], 1, 0)
+    return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+
+
+def deviations(
+    points: NDArray[np.float64], label: NDArray[np.int32], fits: tuple[ShapeFit, ...], outward: NDArray[np.int8]
+) -> NDArray[np.float64]:
+    """Return each point's signed distance (N,) from its face's surface, positive outside the body; NaN where it has no face."""
+    deviation = np.full(len(points), np.nan)
+    for k, fit in enumerate(fits):
+        own = label == k
+        sign = outward[k] if k < len(outward) else 1
+        deviation[own] = sign * fit.shape.distance(points[own])
+    return deviation
