@@ -9,7 +9,7 @@ from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 
 from scan2nurbs.surfaces.shape import Floats
 
-TRUST = 0.2
+TRUST = 0.5
 """Area, in h², that what a tetrahedron's corners say of it is worth."""
 LARGEST = 100.0
 """Area, in h², beyond which a triangle costs no more."""

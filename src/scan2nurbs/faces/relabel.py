@@ -21,6 +21,7 @@ AGREE = 0.3
 CAP = 8.0
 """Most that a deviation costs: four standard deviations."""
 ROUNDS = 3
+_SAMPLE = 20_000
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,7 @@ def take_samples(points: Floats, label: NDArray[np.int32], shapes: Sequence[Shap
     rows = scale.cells.order[::step]
     points, label = points[rows], label[rows].astype(np.int32)
     neighbours, _ = _neighbours(points, scale.h * math.sqrt(step))
-    spread = max(scale.noise, 0.02 * scale.h)
+    spread = max(min(scale.noise, _scatter(points, label, shapes)), 0.02 * scale.h)
     label = settle_labels(points, label, neighbours[:, :NEAR], shapes, spread)
     feet, normals, away = _feet(points, label, shapes)
     # A surface that fits badly is still the face's own: four times what is usual there.
@@ -84,6 +85,15 @@ def take_samples(points: Floats, label: NDArray[np.int32], shapes: Sequence[Shap
     neighbours, distance = _neighbours(feet, h)
     k = neighbours.shape[1]
     return Samples(feet, normals, label, neighbours, np.maximum(distance * math.sqrt(math.pi / k), 0.25 * h), h, spread)
+
+
+def _scatter(points: Floats, label: NDArray[np.int32], shapes: Sequence[Shape]) -> float:
+    """Return the standard deviation of points from their faces' surfaces, from the median; infinite where none has a face."""
+    rows = np.flatnonzero(label >= 0)
+    rows = rows[:: max(1, len(rows) // _SAMPLE)]
+    if not len(rows):
+        return math.inf
+    return 1.4826 * math.sqrt(float(np.median(_squares(points[rows], label[rows], shapes))))
 
 
 def _neighbours(points: Floats, h: float) -> tuple[NDArray[np.int32], Floats]:

@@ -10,6 +10,7 @@ from scan2nurbs.kernels.runner import kernel, run_ranges
 _RANGE = 1 << 14
 _LONG = 4.0
 _FLAT = 4.0
+_OPPOSED = 0.7
 
 
 def sides(
@@ -43,7 +44,8 @@ def sides(
     -----
     No point is nearer to a Delaunay circumcentre than its own corners, so that nothing else need be asked. Where the tangent planes of the
     corners disagree, as they do about creases and thin walls, the centre lies outside if the corners that disagree see each other behind
-    them (convex: the outside is the union of the half-spaces) and inside otherwise (concave: their intersection).
+    them (convex: the outside is the union of the half-spaces) and inside otherwise (concave: their intersection). A tetrahedron that spans
+    from one side of a thin wall, or of a narrow gap, to the other is part of it, wherever its centre lies.
     """
     depth, mixed = np.empty(len(tetrahedra)), np.empty(len(tetrahedra), np.bool_)
     run_ranges(lambda a, b: _sides(points, normals, tetrahedra, apex, h, a, b, depth, mixed), len(tetrahedra), size=_RANGE)
@@ -75,6 +77,9 @@ def _sides(points, normals, tetrahedra, apex, h, start, stop, depth, mixed):
         inside = bend > 0.0 if disagree and bend != 0.0 else total < 0.0
         longest = _longest(points, tetrahedra[t], n)
         mixed[t] = disagree or (n == 4 and longest > _LONG * h and radius > _FLAT * longest)
+        across = _across(points, normals, tetrahedra[t], n)
+        if across != 0.0:
+            inside, size, mixed[t] = across < 0.0, 2.0, True
         depth[t] = size if inside else -size
 
 
@@ -90,6 +95,25 @@ def _bend(points, normals, corners, vote, n):
                 for k in range(3):
                     bend += (a[k] - b[k]) * (q[k] - p[k])
     return bend if some else np.nan
+
+
+@kernel
+def _across(points, normals, corners, n):
+    """Return the height of a corner over another one that looks the other way: negative across a wall, positive across a gap, 0 if none."""
+    total = 0.0
+    for i in range(n):
+        for j in range(i):
+            p, q, a, b = points[corners[i]], points[corners[j]], normals[corners[i]], normals[corners[j]]
+            alike, over, under, square = 0.0, 0.0, 0.0, 0.0
+            for k in range(3):
+                alike += a[k] * b[k]
+                over += a[k] * (q[k] - p[k])
+                under += b[k] * (p[k] - q[k])
+                square += (q[k] - p[k]) ** 2
+            steep = _OPPOSED * np.sqrt(square)
+            if alike < -_OPPOSED and over * under > 0.0 and min(abs(over), abs(under)) > steep:
+                total += over
+    return total
 
 
 @kernel
