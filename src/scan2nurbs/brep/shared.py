@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from scan2nurbs.brep.borders import BorderCurve, lay_borders
 from scan2nurbs.brep.charts import chart_of
-from scan2nurbs.brep.check import is_valid
+from scan2nurbs.brep.check import is_valid, is_valid_meshed
 from scan2nurbs.brep.layout import Layout, cuts, lay_out
 from scan2nurbs.brep.occ import kernel_errors
 from scan2nurbs.brep.regions import regions
@@ -89,6 +89,8 @@ def trim_faces(shapes: Sequence[Shape], topology: Any, h: float, scale: float, c
     for f, made in enumerate(faces):
         if made and not all(is_valid(face) for face in made):
             work.failures[f] = "The CAD kernel's check finds it invalid."
+        elif made and not all(is_valid_meshed(face) for face in made):
+            work.failures[f] = "It cannot be triangulated."
     return SharedFaces(tuple(tuple(made) for made in faces), work.failures, tuple(work.curves))
 
 

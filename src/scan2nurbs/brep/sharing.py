@@ -87,7 +87,7 @@ class KernelPart:
         face = TopoDS_Face()
         geometry = layout.chart.geometry()
         self.build.MakeFace(face, geometry, self.least)
-        seams: dict[tuple[int, float, float], Any] = {}
+        seams: dict[tuple[int, int, int], Any] = {}
         extra: dict[int, Any] = {}
         for parts in wires:
             wire = TopoDS_Wire()
@@ -144,11 +144,11 @@ class KernelPart:
                 self.build.UpdateVertex(self.vertices[node], 1.01 * tolerance)
         return edge.Oriented(TopAbs_FORWARD if step.forward else TopAbs_REVERSED)
 
-    def _side(self, chart: Chart, geometry: Any, side: Side, seams: dict[tuple[int, float, float], Any], extra: dict[int, Any]) -> Any:
+    def _side(self, chart: Chart, geometry: Any, side: Side, seams: dict[tuple[int, int, int], Any], extra: dict[int, Any]) -> Any:
         """Return a stretch of seam, made when it is first passed, or the edge that a pole is."""
         from OCP.TopAbs import TopAbs_FORWARD, TopAbs_REVERSED
 
-        key = (side.axis, side.low, side.top)
+        key = (side.axis, *side.nodes)
         made = seams.get(key)
         if made is None:
             ends = [self._corner(chart, side, k, extra) for k in (0, 1)]
