@@ -1,6 +1,6 @@
 """Equations that hold between two primitives: parallel, perpendicular, coaxial, coplanar, equal radius, and the ways to be tangent.
 
-An equation's value is an angle in radians or a length. Angles and lengths are both of order one where the part has been scaled by its extent.
+An equation's value is an angle in radians or a length; both are of order one where the part has been scaled by its extent.
 """
 
 from __future__ import annotations
@@ -34,35 +34,35 @@ def evaluate(equations: Equations, first: Primitive, second: Primitive) -> Value
 
 
 def parallel(s: JetShape, t: JetShape) -> list[Equation]:
-    """Directions are parallel, either way."""
+    """Make directions parallel, either way."""
     turn = s.axis.cross(t.axis)
     return [(turn.along(s.x), ANGLE), (turn.along(s.y), ANGLE)]
 
 
 def perpendicular(s: JetShape, t: JetShape) -> list[Equation]:
-    """Directions are perpendicular."""
+    """Make directions perpendicular."""
     return [(s.axis.dot(t.axis), ANGLE)]
 
 
 def on_axis(s: JetShape, t: JetShape) -> list[Equation]:
-    """The origin of the second (a centre) lies on the axis of the first."""
+    """Put the origin of the second (a centre) on the axis of the first."""
     offset = t.origin - s.origin
     away = offset - s.axis.times(offset.dot(s.axis))
     return [(away.along(s.x), LENGTH), (away.along(s.y), LENGTH)]
 
 
 def coaxial(s: JetShape, t: JetShape) -> list[Equation]:
-    """Two axes are one line."""
+    """Make two axes one line."""
     return parallel(s, t) + on_axis(s, t)
 
 
 def coplanar(s: JetShape, t: JetShape) -> list[Equation]:
-    """Two planes are one."""
+    """Make two planes one."""
     return [*parallel(s, t), (s.axis.dot(t.origin - s.origin), LENGTH)]
 
 
 def equal_radius(s: JetShape, t: JetShape) -> list[Equation]:
-    """Radii, of tori those of the tubes, are equal."""
+    """Make radii equal, of tori those of the tubes."""
     return [(_tube(s) - _tube(t), LENGTH)]
 
 
@@ -83,7 +83,7 @@ def _tube(s: JetShape) -> Jet:
 
 
 def _plane_round(s: JetShape, t: JetShape, sign: float) -> list[Equation]:
-    """A cylinder, sphere or torus lies on a plane; a torus along a circle."""
+    """Lay a cylinder, sphere or torus on a plane, a torus along a circle."""
     touch = (s.axis.dot(t.origin - s.origin) - _tube(t).scaled(sign), LENGTH)
     return [*{"cylinder": perpendicular, "torus": parallel}.get(t.kind, _nothing)(s, t), touch]
 
@@ -93,7 +93,7 @@ def _nothing(_s: JetShape, _t: JetShape) -> list[Equation]:
 
 
 def _plane_cone(s: JetShape, t: JetShape, sign: float) -> list[Equation]:
-    """The plane holds the apex, and leans from the axis by the half angle; multiplied by the sine, which keeps flat cones' apices near."""
+    """Put the apex on the plane, which leans from the axis by the half angle; times the sine, as flat cones have far apices."""
     sine = t.b.sine()
     offset = (t.origin - s.origin).times(sine) - t.axis.times(t.a.times(t.b.cosine()))
     return [(s.axis.dot(t.axis) - sine.scaled(sign), ANGLE), (s.axis.dot(offset), LENGTH)]
@@ -106,23 +106,23 @@ def _away(s: JetShape, t: JetShape) -> Jet:
 
 
 def _cylinders(s: JetShape, t: JetShape, sign: float) -> list[Equation]:
-    """Two cylinders touch along a line, from outside (+) or inside (−)."""
+    """Let two cylinders touch along a line, from outside (+) or inside (−)."""
     apart = s.a + t.a if sign > 0 else (s.a - t.a if s.a.value > t.a.value else t.a - s.a)
     return [*parallel(s, t), (_away(s, t) - apart, LENGTH)]
 
 
 def _cylinder_sphere(s: JetShape, t: JetShape, _sign: float) -> list[Equation]:
-    """A ball ends a cylinder."""
+    """End a cylinder by a ball."""
     return [*on_axis(s, t), (s.a - t.a, LENGTH)]
 
 
 def _cylinder_torus_about(s: JetShape, t: JetShape, sign: float) -> list[Equation]:
-    """A torus about the cylinder's axis touches it along a circle."""
+    """Let a torus about the cylinder's axis touch it along a circle."""
     return [*coaxial(s, t), (t.a + t.b.scaled(sign) - s.a, LENGTH)]
 
 
 def _cylinder_torus_bend(s: JetShape, t: JetShape, _sign: float) -> list[Equation]:
-    """A cylinder runs on into the bent tube of a torus."""
+    """Let a cylinder run on into the bent tube of a torus."""
     return [
         (s.axis.dot(t.axis), ANGLE),
         (t.axis.dot(s.origin - t.origin), LENGTH),
@@ -132,7 +132,7 @@ def _cylinder_torus_bend(s: JetShape, t: JetShape, _sign: float) -> list[Equatio
 
 
 def _cone_round(s: JetShape, t: JetShape, sign: float) -> list[Equation]:
-    """A sphere in a cone, or a torus about its axis, touches it along a circle."""
+    """Let a sphere in a cone, or a torus about its axis, touch it along a circle."""
     height = s.axis.dot(t.origin - s.origin)
     out = s.a.scaled(-1.0) if t.kind == "sphere" else t.a - s.a
     touch = (out.times(s.b.cosine()) - height.times(s.b.sine()) - _tube(t).scaled(sign), LENGTH)
@@ -140,13 +140,13 @@ def _cone_round(s: JetShape, t: JetShape, sign: float) -> list[Equation]:
 
 
 def _sphere_torus_bend(s: JetShape, t: JetShape, _sign: float) -> list[Equation]:
-    """A ball ends the tube of a torus."""
+    """End the tube of a torus by a ball."""
     offset = s.origin - t.origin
     return [(t.axis.dot(offset), LENGTH), (offset.length() - t.a, LENGTH), (s.a - t.b, LENGTH)]
 
 
 def _sphere_torus_about(s: JetShape, t: JetShape, sign: float) -> list[Equation]:
-    """A torus touches a sphere on its axis along a circle."""
+    """Let a torus touch a sphere on its axis along a circle."""
     offset = s.origin - t.origin
     apart = (offset.dot(offset) + t.a.times(t.a)).value ** 0.5
     square = offset.dot(offset) + t.a.times(t.a)
@@ -156,7 +156,7 @@ def _sphere_torus_about(s: JetShape, t: JetShape, sign: float) -> list[Equation]
 
 
 def _tori_about(s: JetShape, t: JetShape, sign: float) -> list[Equation]:
-    """Two tori about one axis touch along a circle, from outside (+) or inside (−)."""
+    """Let two tori about one axis touch along a circle, from outside (+) or inside (−)."""
     height, wide = s.axis.dot(t.origin - s.origin), t.a - s.a
     square = height.times(height) + wide.times(wide)
     apart = max(float(square.value) ** 0.5, 1e-300)

@@ -25,7 +25,6 @@ from scan2nurbs.surfaces.shape import KINDS, Floats
 from scan2nurbs.surfaces.shape_parameters import COLUMNS, Primitive
 
 _PROBABILITY = 0.997
-_SMOOTH_PROBABILITY = 1.0 - 1e-7  # neighbours that meet smoothly are tangent unless the points speak clearly against it
 _BEST_KNOWN = np.radians(1.0)  # directions that are known less well would be parallel to many
 
 
@@ -52,14 +51,13 @@ class Floors(NamedTuple):
     length: float
 
 
-def find_relations(known: Sequence[Known], smooth: Iterable[tuple[int, int]], floors: Floors) -> list[Candidate]:
+def find_relations(known: Sequence[Known], floors: Floors) -> list[Candidate]:
     """Return the relations that hold within the uncertainty of the primitives.
 
     Notes
     -----
     Members of a group are related to its best known member only, so that a group of n takes n − 1 relations.
     """
-    by_face = {k.face: k for k in known}
     out: list[Candidate] = []
     groups = _groups([k for k in known if _tilt(k) < _BEST_KNOWN], parallel, _tilt, floors)
     for group in groups:
@@ -70,7 +68,7 @@ def find_relations(known: Sequence[Known], smooth: Iterable[tuple[int, int]], fl
             kind, equations = ("coplanar", coplanar) if inner[0].shape.kind == "plane" else ("coaxial", coaxial)
             out += [Candidate(kind, (inner[0].face, k.face), equations) for k in inner[1:]]
         # The rest of the group follows its best known member through the best of each line or plane.
-        heads = [inner[0] for inner in nested if inner[0].face != group[0].face]
+        heads = [inner[0] for inner in nested if all(k.face != group[0].face for k in inner)]
         out += [Candidate("parallel", (group[0].face, k.face), parallel) for k in heads]
         out += _centres(nested, known, floors)
     out += _perpendicular(groups, floors)
@@ -78,8 +76,18 @@ def find_relations(known: Sequence[Known], smooth: Iterable[tuple[int, int]], fl
         alike = [k for k in known if k.shape.kind == kind and _radius(k) < 0.1 * _size(k)]
         for group in _groups(alike, equal_radius, _radius, floors):
             out += [Candidate("equal radius", (group[0].face, k.face), equal_radius) for k in group[1:]]
-    out += [c for pair in smooth if (c := _tangent(pair, by_face, floors)) is not None]
     return out
+
+
+def find_tangencies(known: Sequence[Known], smooth: Iterable[tuple[int, int]]) -> list[tuple[Candidate, ...]]:
+    """Return, for each pair of primitives that meet smoothly, the ways in which they may be tangent."""
+    by_face = {k.face: k for k in known}
+    out = []
+    for pair in smooth:
+        if pair[0] in by_face and pair[1] in by_face:
+            s, t = sorted((by_face[pair[0]], by_face[pair[1]]), key=lambda k: (KINDS.index(k.shape.kind), k.face))
+            out.append(tuple(Candidate("tangent", (s.face, t.face), way) for way in tangencies(s.shape, t.shape)))
+    return [ways for ways in out if ways]
 
 
 def wald(values: Values, first: Known, second: Known, floors: Floors) -> float:
@@ -155,16 +163,3 @@ def _centres(lines: list[list[Known]], known: Sequence[Known], floors: Floors) -
         if best[0] <= 1.0:
             out.append(Candidate("coaxial", (heads[best[1]].face, sphere.face), on_axis))
     return out
-
-
-def _tangent(pair: tuple[int, int], known: dict[int, Known], floors: Floors) -> Candidate | None:
-    """Return the way in which two neighbours are tangent."""
-    if pair[0] not in known or pair[1] not in known:
-        return None
-    s, t = sorted((known[pair[0]], known[pair[1]]), key=lambda k: (KINDS.index(k.shape.kind), k.face))
-    best, way = 1.0, None
-    for equations in tangencies(s.shape, t.shape):
-        fit = _holds(equations, s, t, floors, _SMOOTH_PROBABILITY)
-        if fit <= best:
-            best, way = fit, equations
-    return None if way is None else Candidate("tangent", (s.face, t.face), way)

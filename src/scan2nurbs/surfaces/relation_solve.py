@@ -12,13 +12,15 @@ from scipy.sparse.linalg import splu
 
 from scan2nurbs.surfaces.constraints import ANGLE, evaluate
 from scan2nurbs.surfaces.relation_search import Candidate, Floors
-from scan2nurbs.surfaces.shape import Floats
+from scan2nurbs.surfaces.shape import Floats, inverse
 from scan2nurbs.surfaces.shape_parameters import COLUMNS, Primitive, moved, pose
 from scan2nurbs.surfaces.shape_solve import TUKEY, accumulate, distances
 
-_ROUNDS = 30
-_MET = 1e-13  # of the extent, and radians
-_SOFT = 1e-10  # keeps equations that follow from each other solvable
+_ROUNDS = 18
+_PATIENCE = 12  # rounds until the equations are brought to hold wherever the fit is
+_MET = 1e-14  # of the extent, and radians
+_SETTLED = 1e-3  # of χ²
+_SOFT = 1e-8  # keeps equations that follow from each other solvable
 _LARGEST = 0.3  # largest step of a radius, as a share of it, and of an angle
 
 
@@ -32,7 +34,7 @@ class Member(NamedTuple):
 
 
 class JointFit(NamedTuple):
-    """The primitives found, the largest value of an equation, and each relation's force: its multipliers in standard deviations."""
+    """The primitives found, the largest value of an equation, and how many standard deviations each relation pulls."""
 
     shapes: tuple[Primitive, ...]
     gap: float
@@ -44,30 +46,33 @@ def fit_jointly(shapes: Sequence[Primitive], members: Sequence[Member], relation
 
     Notes
     -----
-    Gauss-Newton steps on the squares and Newton's on the equations (sequential quadratic programming); the multipliers of equations that
-    follow from each other are those of least norm, by a slight softness.
+    Gauss-Newton steps on the squares and Newton's on the equations (sequential quadratic programming), which are slightly soft, so that
+    equations that follow from each other do no harm. When the fit has settled, a few steps on the equations alone close them.
     """
     current = list(shapes)
     place = {m.face: i for i, m in enumerate(members)}
     starts = np.concatenate([[0], np.cumsum([len(COLUMNS[s.kind]) for s in current])])
-    scale: Floats | None = None
-    multipliers = np.zeros(0)
-    owner = np.zeros(0, np.int64)
-    gap = np.inf
-    for _ in range(_ROUNDS):
+    scale, ease, force = np.ones(0), np.ones(0), np.zeros(len(relations))
+    gap, projections = np.inf, 0
+    for k in range(_ROUNDS):
         systems = [normal_system(shape, member) for shape, member in zip(current, members, strict=True)]
         value, slope, owner, unit = _equations(current, relations, place, starts)
-        if scale is None:
-            floor = np.where(unit == ANGLE, floors.angle, floors.length)
-            scale = np.sqrt(_variance(slope, systems) + floor**2)
+        if k == 0:
+            variance = _variance(slope, systems)
+            scale = np.sqrt(variance + np.where(unit == ANGLE, floors.angle, floors.length) ** 2)
+            ease = variance / scale**2
         before, gap = gap, float(np.abs(value).max(initial=0.0))
-        step, multipliers, promise = _step(systems, value / scale, csc_array(slope.multiply(1.0 / scale[:, None])))
-        if gap <= _MET and promise < 1e-4 or (gap < 1e-11 and gap > 0.5 * before):
+        if gap < _MET or (projections > 1 and gap > 0.1 * before):
             break
-        share = min(1.0, *(_room(s, step[starts[i] : starts[i + 1]]) for i, s in enumerate(current)))
+        rows = csc_array(slope.multiply(1.0 / scale[:, None]))
+        step, multipliers, promise = _step(systems, value / scale, rows, projections > 0)
+        if projections == 0:
+            force[:] = 0.0
+            np.maximum.at(force, owner, np.abs(multipliers) * ease)
+        if projections > 0 or promise < _SETTLED or k >= _PATIENCE:
+            projections += 1
+        share = min(1.0, *(room(s, step[starts[i] : starts[i + 1]]) for i, s in enumerate(current)))
         current = [moved(s, share * step[starts[i] : starts[i + 1]]) for i, s in enumerate(current)]
-    force = np.zeros(len(relations))
-    np.maximum.at(force, owner, np.abs(multipliers))
     return JointFit(tuple(current), gap, force)
 
 
@@ -109,12 +114,15 @@ def _equations(
 
 def _variance(slope: csc_array, systems: Sequence[tuple[Floats, Floats]]) -> Floats:
     """Return the variance of each equation's value if every face is known as well as by itself."""
-    inverse = block_diag([np.linalg.inv(matrix) for matrix, _ in systems], format="csc")
-    return np.asarray((slope @ inverse).multiply(slope).sum(axis=1)).ravel()
+    inverses = block_diag([inverse(matrix) for matrix, _ in systems], format="csc")
+    return np.asarray(csc_array(slope @ inverses).multiply(slope).sum(axis=1)).ravel()
 
 
-def _step(systems: Sequence[tuple[Floats, Floats]], value: Floats, slope: csc_array) -> tuple[Floats, Floats, float]:
-    """Solve the quadratic programme of one step; return the step, the multipliers and what the squares gain by it."""
+def _step(systems: Sequence[tuple[Floats, Floats]], value: Floats, slope: csc_array, project: bool) -> tuple[Floats, Floats, float]:
+    """Solve the quadratic programme of one step, or only the equations by the least move.
+
+    Returns the step, the multipliers and how far the step moves, in χ². The equations are slightly soft.
+    """
     matrix = block_diag([m for m, _ in systems], format="csc")
     gradient = np.concatenate([g for _, g in systems])
     # Parameters in their standard deviations, so that all rows are of order one.
@@ -123,12 +131,12 @@ def _step(systems: Sequence[tuple[Floats, Floats]], value: Floats, slope: csc_ar
     slope = csc_array(slope.multiply(size[None, :]))
     n, m = len(gradient), len(value)
     system = csc_array(bmat([[matrix, slope.T], [slope, -_SOFT * eye_array(m)]])) if m else matrix
-    solution = splu(system).solve(np.concatenate([-gradient * size, -value]))
+    solution = splu(system).solve(np.concatenate([np.zeros(n) if project else -gradient * size, -value]))
     step = solution[:n]
     return step * size, solution[n:], float(step @ (matrix @ step))
 
 
-def _room(shape: Primitive, step: Floats) -> float:
+def room(shape: Primitive, step: Floats) -> float:
     """Return the share of a step that keeps radii positive and turns within where they are nearly linear."""
     _, _, a, b = pose(shape)
     full = np.zeros(7)

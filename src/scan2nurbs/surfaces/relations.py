@@ -1,4 +1,4 @@
-"""Impose the relations between the surfaces of a part that hold within their uncertainty: parallel, perpendicular, coaxial, tangent …"""
+"""Impose the relations between the surfaces of a part that hold within their uncertainty."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ from scipy.stats import chi2
 
 from scan2nurbs.errors import ParameterError
 from scan2nurbs.surfaces.constraints import ANGLE, evaluate
-from scan2nurbs.surfaces.relation_search import Candidate, Floors, Known, find_relations
+from scan2nurbs.surfaces.relation_search import Candidate, Floors, Known, find_relations, find_tangencies
+from scan2nurbs.surfaces.relation_select import select_relations
 from scan2nurbs.surfaces.relation_solve import JointFit, Member, fit_jointly, normal_system
-from scan2nurbs.surfaces.shape import Floats
+from scan2nurbs.surfaces.shape import Floats, inverse
 from scan2nurbs.surfaces.shape_fit import ShapeFit
 from scan2nurbs.surfaces.shape_parameters import COLUMNS, Primitive, lengths, recentred, scaled
 from scan2nurbs.surfaces.shape_solve import TUKEY, distances
@@ -23,9 +24,9 @@ logger = logging.getLogger(__name__)
 
 RELATIONS = ("parallel", "perpendicular", "coaxial", "coplanar", "equal radius", "tangent")
 _POINTS = 4000  # points of a face that take part in the joint fit, at most
-_ATTEMPTS = 40
+_ATTEMPTS = 20
 _CLOSED = 1e-10  # of the extent, and radians: equations that are further off contradict each other
-_STRAINED = 4.0  # standard deviations that a relation may pull at its faces, unless they are smooth neighbours
+_STRAINED = 4.0  # standard deviations
 _REFUSED = 1.0 - 1e-6
 
 
@@ -126,15 +127,16 @@ def impose_relations(
 
     Notes
     -----
-    A relation that raises the rms of a face by more than `max_rise`, or that pulls at it harder than its uncertainty allows, is dropped, and
-    all others are solved for again. Time grows with faces and relations, hardly with points. Deterministic.
+    A relation that raises the rms of a face by more than `max_rise`, significantly, is dropped, and all others are solved
+    for again. Time grows with faces and relations, hardly with points. Deterministic.
     """
     params = params or RelationParams()
     part = _Part.make(points, label, fits, noise, h)
     floors = Floors(np.radians(params.angle), max(params.length * noise, 0.01 * h) / part.extent)
-    found = find_relations(part.known(), sorted({(min(p), max(p)) for p in smooth}), floors) if params.kinds else []
-    active = [c for c in found if c.kind in params.kinds]
-    dropped: list[Candidate] = []
+    known = part.known()
+    found = [c for c in find_relations(known, floors) if c.kind in params.kinds]
+    tangent = find_tangencies(known, sorted({(min(p), max(p)) for p in smooth})) if "tangent" in params.kinds else []
+    active, dropped = select_relations(known, found, tangent, floors)
     joint = JointFit(tuple(part.shapes), 0.0, np.zeros(0))
     for _ in range(_ATTEMPTS):
         if not active:
@@ -185,7 +187,7 @@ class _Part:
         return _Part(middle, extent, shapes, members, place, [_rms(s, m) for s, m in zip(shapes, members, strict=True)])
 
     def known(self) -> list[Known]:
-        return [Known(m.face, s, np.linalg.inv(normal_system(s, m)[0])) for s, m in zip(self.shapes, self.members, strict=True)]
+        return [Known(m.face, s, inverse(normal_system(s, m)[0])) for s, m in zip(self.shapes, self.members, strict=True)]
 
 
 def _rms(shape: Primitive, member: Member) -> float:
@@ -196,8 +198,9 @@ def _rms(shape: Primitive, member: Member) -> float:
 def _refused(part: _Part, joint: JointFit, active: Sequence[Candidate], params: RelationParams) -> set[int]:
     """Return the relations to give up: those that contradict others, pull too hard, or spoil a face most."""
     if not np.isfinite(joint.gap) or joint.gap > _CLOSED:
-        return {int(np.argmax(joint.force))}
-    bad = {k for k, c in enumerate(active) if c.kind != "tangent" and joint.force[k] > _STRAINED}
+        bad = {int(k) for k in np.flatnonzero(joint.force >= max(0.3 * joint.force.max(), _STRAINED))} or {int(np.argmax(joint.force))}
+        return _apart(bad, joint, active)
+    bad: set[int] = set()
     for i, (shape, member) in enumerate(zip(joint.shapes, part.members, strict=True)):
         before, after = part.before[i], _rms(shape, member)
         rise = (after**2 - before**2) * len(member.points) * member.share / member.sigma**2
@@ -205,7 +208,11 @@ def _refused(part: _Part, joint: JointFit, active: Sequence[Candidate], params: 
             mine = [k for k, c in enumerate(active) if member.face in c.faces]
             if mine:
                 bad.add(max(mine, key=lambda k: joint.force[k]))
-    # One a face: what is left may well be true once the worst is gone.
+    return _apart(bad, joint, active)
+
+
+def _apart(bad: set[int], joint: JointFit, active: Sequence[Candidate]) -> set[int]:
+    """Return the worst relations, one a face: what else is bad may well be true once the worst is gone."""
     kept: set[int] = set()
     busy: set[int] = set()
     for k in sorted(bad, key=lambda k: -joint.force[k]):
@@ -223,7 +230,7 @@ def _result(part: _Part, fits: Sequence[ShapeFit], joint: JointFit, active: Sequ
         rise[member.face] = (after - part.before[i]) * part.extent
         if member.face in touched:
             size = np.where(lengths(shape.kind), part.extent, 1.0)
-            covariance = np.linalg.inv(normal_system(shape, member)[0]) * np.outer(size, size)
+            covariance = inverse(normal_system(shape, member)[0]) * np.outer(size, size)
             back = scaled(shape, np.zeros(3), part.extent, part.middle)
             old = fits[member.face]
             new[member.face] = replace(old, shape=back, rms=after * part.extent, covariance=covariance)

@@ -65,6 +65,11 @@ class Analytic:
         return points - self.distance(points)[:, None] * self.normal(points)
 
 
+def inverse(matrix: Floats) -> Floats:
+    """Return the inverse of a matrix."""
+    return np.asarray(np.linalg.inv(matrix), dtype=np.float64)
+
+
 def unit(vector: ArrayLike) -> Floats:
     """Return a vector, or each row of an array, divided by its length; zero vectors stay zero."""
     v = np.asarray(vector, np.float64)

@@ -1,57 +1,35 @@
-"""Fit a primitive to the points of a face, and choose the simplest that explains them at their noise."""
+"""Fit a shape to the points of a face, and choose the simplest that explains them at their noise."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from scan2nurbs.errors import NoResultError, ParameterError
+from scan2nurbs.errors import InputError, NoResultError, ParameterError
+from scan2nurbs.surfaces.explain import Residuals, study
+from scan2nurbs.surfaces.fit import FitParams, fit_surface
+from scan2nurbs.surfaces.interior import interior
+from scan2nurbs.surfaces.primitive_fit import criterion, fit_primitive
 from scan2nurbs.surfaces.shape import KINDS, Floats, Kind, Shape
-from scan2nurbs.surfaces.shape_parameters import COLUMNS, Primitive, pose, lengths, recentred, scaled, uncertainty
-from scan2nurbs.surfaces.shape_solve import TUKEY, Solution, accumulate, distances, improve
-from scan2nurbs.surfaces.shape_start import starting_values
-from scan2nurbs.surfaces.torus_start import tube_torus
+from scan2nurbs.surfaces.shape_parameters import COLUMNS
+from scan2nurbs.surfaces.shape_result import ShapeFit
+from scan2nurbs.surfaces.shape_solve import TUKEY
+from scan2nurbs.surfaces.spline_shape import SplineShape
+from scan2nurbs.surfaces.swept_fit import fit_extrusion, fit_revolution
 
-_SAMPLE = 600
-# Mean absolute distance, in standard deviations, under which a start is good enough: 0.8 is that of Gaussian noise.
-_EXPLAINED = 0.9
-# A fit has settled when a step would lower χ² by no more: steps of a few hundredths of a standard deviation are left.
-_SETTLED = 1e-3
+__all__ = ["ShapeFit", "choose_shape", "fit_shape"]
 
-
-@dataclass(frozen=True)
-class ShapeFit:
-    """A fitted shape and how well it is known.
-
-    Attributes
-    ----------
-    shape : Shape
-    n_points : int
-        Points that it was fitted to.
-    rms : float
-        Root mean square of the distances of the points within 4.7 standard deviations; in the points' unit.
-    covariance : (freedom, freedom) float64 or None
-        Of the parameters in the order that `shape_parameters` documents, at the noise given; None for splines.
-    criterion : float
-        Σ ρ(d/σ) + freedom · log n, lower is better; what `choose_shape` compares.
-    notes : tuple of str
-        What the caller should know, one sentence each.
-    """
-
-    shape: Shape
-    n_points: int
-    rms: float
-    covariance: Floats | None
-    criterion: float
-    notes: tuple[str, ...] = ()
-
-    @property
-    def uncertainty(self) -> dict[str, float]:
-        """Standard deviations by name; see `shape_parameters.uncertainty`."""
-        return uncertainty(self.shape, self.covariance)
+# Parameters that a sphere pays more than it has. It is rarer than cylinders and cones, which have more: a chamfer or a fillet that is too
+# narrow to tell is no zone of a sphere; a compact patch may be.
+_SPHERE = {True: 1, False: 2}
+_HOLLOW, _NARROW = 0.03, 0.5
+_MANY = 500
+_PRIMITIVES: tuple[Kind, ...] = ("plane", "cylinder", "cone", "sphere", "torus")
+_OTHERS: tuple[Kind, ...] = ("extrusion", "revolution", "bspline")
+_ROUGHEST = 1.5
 
 
 def fit_shape(
@@ -85,38 +63,19 @@ def fit_shape(
     NoResultError
         If the points do not determine such a shape; the sentence says why.
     """
-    points, weights = _checked(points, weights, noise)
-    if kind not in COLUMNS:
-        raise ParameterError(f"The 'kind' parameter of fit_shape must be one of {', '.join(COLUMNS)}. Got {kind!r} instead.")
-    freedom = len(COLUMNS[kind])
-    if len(points) < freedom:
-        raise NoResultError(f"{len(points)} points do not determine a {kind}: it takes {freedom} at least.")
-    middle, extent = points.mean(axis=0), float(np.ptp(points, axis=0).max())
-    if not extent > 0.0:
-        raise NoResultError(f"The points coincide; they do not determine a {kind}.")
-    local = np.ascontiguousarray((points - middle) / extent)
-    sigma = max(noise / extent, 1e-9)
-    begin = scaled(start, -middle, 1.0 / extent) if start is not None else None  # type: ignore[arg-type]
-    solution = _solve(kind, local, sigma, normals, begin, weights)
-    _require_determined(solution, local, sigma)
-    shape = solution.shape
-    size = np.where(lengths(kind), extent, 1.0)
-    covariance = sigma**2 * np.linalg.inv(solution.information) * np.outer(size, size)
-    d = distances(shape, local)
-    inside = np.maximum(1.0 - (d / (TUKEY * sigma)) ** 2, 0.0)
-    rho = TUKEY**2 / 3.0 * (1.0 - inside**3)
-    on = weights * (np.abs(d) <= TUKEY * max(sigma, 1.4826 * float(np.median(np.abs(d)))))
-    return ShapeFit(
-        shape=scaled(shape, np.zeros(3), extent, middle),
-        n_points=len(points),
-        rms=float(np.sqrt((on @ d**2) / max(on.sum(), 1e-300))) * extent,
-        covariance=covariance,
-        criterion=float(weights @ rho) + freedom * float(np.log(len(points))),
-    )
+    p, w = _checked(points, weights, noise)
+    if kind in COLUMNS:
+        return fit_primitive(kind, p, noise=noise, normals=normals, start=start, weights=w)  # type: ignore[arg-type]
+    if kind in ("extrusion", "revolution"):
+        shape = (fit_extrusion if kind == "extrusion" else fit_revolution)(p, noise, normals)
+        return _of_swept(shape, p, noise, w)
+    if kind == "bspline":
+        return _fit_spline(p, noise, w)
+    raise ParameterError(f"The 'kind' parameter of fit_shape must be one of {', '.join(KINDS)}. Got {kind!r} instead.")
 
 
 def choose_shape(points: ArrayLike, *, noise: float, kinds: Sequence[Kind] = KINDS, normals: Floats | None = None) -> ShapeFit:
-    """Fit every kind of shape and return the one that explains the points best at their noise, counting parameters.
+    """Fit shapes of rising freedom; return the simplest that explains the points at their noise.
 
     Parameters
     ----------
@@ -125,22 +84,110 @@ def choose_shape(points: ArrayLike, *, noise: float, kinds: Sequence[Kind] = KIN
     kinds : sequence of str
         What to choose from.
 
+    Returns
+    -------
+    ShapeFit
+        Of the primitives that with the lowest criterion, if it leaves residuals that are noise (see `explain.study`); else the first of
+        the other kinds that does; else the fit with the lowest criterion, with a note.
+
     Raises
     ------
     NoResultError
         If no kind can be fitted.
+
+    Notes
+    -----
+    Where the face is wide enough, points along its border do not decide: they may belong to the neighbours. A primitive is fitted to them
+    too if it leaves nothing but noise there.
     """
-    best: ShapeFit | None = None
-    for kind in (k for k in KINDS if k in kinds and k in COLUMNS):
-        try:
-            fit = fit_shape(kind, points, noise=noise, normals=normals)
-        except NoResultError:
+    everything, _ = _checked(points, None, noise)
+    inside = interior(everything)
+    p, w = np.ascontiguousarray(everything[inside]), np.ones(int(inside.sum()))
+    normals = None if normals is None else normals[inside]
+    fits: list[tuple[ShapeFit, Residuals]] = []
+    for kind in _PRIMITIVES:
+        if kind not in kinds:
             continue
-        if best is None or fit.criterion < best.criterion:
-            best = fit
-    if best is None:
+        found = _try(kind, p, noise, normals)
+        if found is not None:
+            fits.append(found)
+            # Few points cannot show that nothing is left.
+            if kind == "plane" and len(p) >= _MANY and found[1].nothing_left():
+                return _with_border(found[0], everything, noise)
+    # Points rougher than told must not buy parameters with their roughness.
+    sigma = float(np.clip(min((r.noise for _, r in fits), default=noise), noise, _ROUGHEST * noise))
+    judged = [(_judge(fit, p, w, sigma), r) for fit, r in fits]
+    judged.sort(key=lambda pair: pair[0].criterion)
+    if judged and judged[0][1].explained(sigma):
+        return _with_border(judged[0][0], everything, noise)
+    for kind in _OTHERS:
+        if kind not in kinds:
+            continue
+        found = _try(kind, p, noise, normals)
+        if found is not None:
+            judged.append((_judge(found[0], p, w, sigma), found[1]))
+            if found[1].explained(sigma):
+                return judged[-1][0]
+    if not judged:
         raise NoResultError("The points determine no shape.")
-    return best
+    best = min((fit for fit, _ in judged), key=lambda fit: fit.criterion)
+    return replace(best, notes=(*best.notes, "No shape explains the points at their noise; this is the nearest."))
+
+
+def _try(kind: Kind, points: Floats, noise: float, normals: Floats | None) -> tuple[ShapeFit, Residuals] | None:
+    try:
+        fit = fit_shape(kind, points, noise=noise, normals=normals)
+    except (NoResultError, InputError):
+        return None
+    extent = float(np.ptp(points, axis=0).max())
+    return fit, study(fit.shape.foot(points), fit.shape.distance(points), max(noise, 1e-9 * extent))
+
+
+def _with_border(fit: ShapeFit, everything: Floats, noise: float) -> ShapeFit:
+    """Fit a primitive again to all points of a face, if those along its border are on it."""
+    if fit.n_points == len(everything):
+        return fit
+    extent = float(np.ptp(everything, axis=0).max())
+    left = study(fit.shape.foot(everything), fit.shape.distance(everything), max(noise, 1e-9 * extent))
+    if not left.nothing_left():
+        return fit
+    try:
+        return replace(fit_shape(fit.shape.kind, everything, noise=noise, start=fit.shape), criterion=fit.criterion)
+    except NoResultError:
+        return fit
+
+
+def _judge(fit: ShapeFit, points: Floats, weights: Floats, sigma: float) -> ShapeFit:
+    sigma = max(sigma, 1e-9 * float(np.ptp(points, axis=0).max()))
+    freedom = fit.shape.freedom + (_SPHERE[_compact(points)] if fit.shape.kind == "sphere" else 0)
+    return replace(fit, criterion=criterion(fit.shape.distance(points) / sigma, weights, freedom))
+
+
+def _compact(points: Floats) -> bool:
+    """Tell whether points make a patch that is neither a ring nor a strip."""
+    offset = points - points.mean(axis=0)
+    values = np.linalg.eigvalsh(offset.T @ offset)
+    distance = np.linalg.norm(offset, axis=1)
+    filled = float(np.mean(distance < 0.5 * np.median(distance))) > _HOLLOW
+    return filled and values[1] > _NARROW**2 * values[2]
+
+
+def _of_swept(shape: Shape, points: Floats, noise: float, weights: Floats) -> ShapeFit:
+    d = shape.distance(points)
+    sigma = max(noise, 1e-9 * float(np.ptp(points, axis=0).max()))
+    on = weights * (np.abs(d) <= TUKEY * max(sigma, 1.4826 * float(np.median(np.abs(d)))))
+    rms = float(np.sqrt((on @ d**2) / max(on.sum(), 1e-300)))
+    return ShapeFit(shape, len(points), rms, None, criterion(d / sigma, weights, shape.freedom))
+
+
+def _fit_spline(points: Floats, noise: float, weights: Floats) -> ShapeFit:
+    """Fit a B-spline surface."""
+    found = fit_surface(points[weights > 0.0], FitParams(noise=noise))
+    shape = SplineShape(found.surface)
+    d = np.zeros(len(points))
+    d[weights > 0.0] = found.residuals
+    sigma = max(noise, 1e-9 * float(np.ptp(points, axis=0).max()))
+    return ShapeFit(shape, len(points), found.rms, None, criterion(d / sigma, weights, shape.freedom), found.notes)
 
 
 def _checked(points: ArrayLike, weights: Floats | None, noise: float) -> tuple[Floats, Floats]:
@@ -153,66 +200,3 @@ def _checked(points: ArrayLike, weights: Floats | None, noise: float) -> tuple[F
     if w.shape != (len(p),):
         raise ParameterError(f"The 'weights' parameter of fit_shape must be an array of {len(p)} floats. Got the shape {w.shape} instead.")
     return p, w
-
-
-def _solve(kind: Kind, points: Floats, sigma: float, normals: Floats | None, start: Primitive | None, weights: Floats) -> Solution:
-    """Start from a sample, then anneal Tukey's cut over all points."""
-    sample = np.arange(0, len(points), -(-len(points) // _SAMPLE))
-    few, light = np.ascontiguousarray(points[sample]), np.ascontiguousarray(weights[sample])
-    middle = np.zeros(3)
-    shape, best = start, np.inf
-    for k, group in enumerate([] if start is not None else _starts(kind, points, sample, normals, sigma)):
-        for begin in group:
-            near = recentred(begin, middle)
-            tried = improve(near, few, light, _cut(near, few, sigma, 9.0), 15, 0.1 * sigma**2)
-            cost = float(light @ np.minimum(np.abs(distances(tried, few)) / sigma, TUKEY)) / max(light.sum(), 1e-300)
-            if cost < best:
-                best, shape = cost, tried
-        # Narrow pieces of a torus look like many a shape.
-        if best < _EXPLAINED and (kind != "torus" or k > 0):
-            break
-    if shape is None:
-        raise NoResultError(f"The points suggest no {kind} to start from.")
-    shape = recentred(improve(shape, few, light, _cut(shape, few, sigma, 9.0), 20, 0.1 * sigma**2), middle)
-    cut = np.inf
-    for _ in range(4):
-        # The sample took the fit to where a few steps over all points end it.
-        before, cut = cut, _cut(shape, points, sigma, TUKEY)
-        if cut > 0.999 * before:
-            break
-        shape = recentred(improve(shape, points, weights, cut, 30, _SETTLED * sigma**2), middle)
-    return accumulate(shape, points, weights, min(cut, before))
-
-
-def _starts(kind: Kind, points: Floats, sample: NDArray[np.int64], normals: Floats | None, sigma: float) -> Iterator[Sequence[Primitive]]:
-    yield from starting_values(kind, points, sample, normals)
-    if kind == "torus":
-        yield [t for t in (tube_torus(points, sigma, share) for share in (0.1, 0.03)) if t is not None]
-
-
-def _cut(shape: Primitive, points: Floats, sigma: float, factor: float) -> float:
-    return factor * max(sigma, 1.4826 * float(np.median(np.abs(distances(shape, points)))))
-
-
-def _require_determined(solution: Solution, points: Floats, sigma: float) -> None:
-    """Raise where the parameters are not determined by the points at their noise."""
-    shape, kind = solution.shape, solution.shape.kind
-    scale = np.sqrt(np.maximum(np.diag(solution.information), 1e-300))
-    values = np.linalg.eigvalsh(solution.information / np.outer(scale, scale))
-    if not (np.isfinite(values).all() and values[0] > 1e-13 * values[-1]):
-        raise NoResultError(f"The points do not determine a {kind}: its parameters depend on each other.")
-    known = uncertainty(shape, sigma**2 * np.linalg.inv(solution.information))
-    _, _, a, b = pose(shape)
-    # A radius that may as well be infinite, by three standard deviations of the curvature.
-    curved = {"cylinder": "a plane", "sphere": "a plane", "cone": "a plane"}
-    if kind in curved and known["radius"] * 3.0 > a:
-        raise NoResultError(f"The points do not determine a {kind}: {curved[kind]} explains them within their noise.")
-    if kind == "cone" and np.degrees(b) < 3.0 * known["half_angle"]:
-        raise NoResultError("The points do not determine a cone: a cylinder explains them within their noise.")
-    if kind == "cone" and 90.0 - np.degrees(b) < 3.0 * known["half_angle"]:
-        raise NoResultError("The points do not determine a cone: a plane explains them within their noise.")
-    if kind == "torus" and known["minor"] * 3.0 > b:
-        raise NoResultError("The points do not determine a torus: its tube's radius may be infinite within their noise.")
-    if kind == "torus" and known["major"] * 3.0 > a:
-        simpler = "a sphere" if a < b else "a cylinder"
-        raise NoResultError(f"The points do not determine a torus: {simpler} explains them within their noise.")

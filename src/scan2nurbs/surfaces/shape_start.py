@@ -176,7 +176,7 @@ def _about_axis(kind: Kind, points: Floats, on: Floats, normals: Floats, origin:
 def principal(points: Floats) -> tuple[Floats, Floats, Floats]:
     """Return the vertex (3,) of the patch as a quadric over its plane, its frame (3, 3) and its curvatures (2,), the larger last.
 
-    Rows of the frame are the directions of the curvatures and the normal. Curvatures are positive where the surface bends towards the normal.
+    Rows of the frame are the directions of the curvatures and the normal, towards which positive curvatures bend.
     """
     plane = _plane(points)
     x, y = perpendicular(plane.direction)

@@ -32,14 +32,14 @@ def tube_torus(points: Floats, sigma: float, share: float) -> Torus | None:
     seeds = _spread(points, _PIECES)
     _, near = KDTree(points).query(points[seeds], k=size)
     places, tangents, radii = [], [], []
-    for index in near:
-        piece = points[index]
+    for piece in points[np.asarray(near)]:
         tube = next((s for s in of_curvature("cylinder", *principal(piece)) if isinstance(s, Cylinder)), None)
         if tube is None:
             continue
         middle = piece.mean(axis=0)
         tube = improve(tube, piece, np.ones(size), 6.0 * sigma, 20, 0.1 * sigma**2)
-        assert isinstance(tube, Cylinder)
+        if not isinstance(tube, Cylinder):
+            continue
         places.append(tube.point + tube.axis * float((middle - tube.point) @ tube.axis))
         tangents.append(tube.axis)
         radii.append(tube.radius)
@@ -63,7 +63,7 @@ def _about_circle(places: Floats, tangents: Floats, minor: float) -> Torus | Non
         return None
     radial = places - center
     radial = radial - (radial @ axis)[:, None] * axis
-    return Torus(center, axis, float(np.median(np.linalg.norm(radial, axis=1))), minor)
+    return Torus(np.asarray(center, np.float64), axis, float(np.median(np.linalg.norm(radial, axis=1))), minor)
 
 
 def _spread(points: Floats, n: int) -> list[int]:
