@@ -191,21 +191,41 @@ def read_selection(path: Path | str) -> Selection:
         If the file cannot be read or says something that is no selection; the message names the file and the fault.
     """
     path = Path(path)
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
-        raise InputError(f"The selection cannot be read: {reason}.", path=path) from error
+    text = read_text(path, "selection")
     if not text.strip():
         raise InputError("The selection is empty.", path=path)
     if text.lstrip()[0] not in "[{":
         return Selection(indices=_indices_from_text(text, path), source=path)
+    return selection_from(parse_json(text, path, "selection"), path)
+
+
+def read_text(path: Path, what: str) -> str:
+    """Read a text file, or say why it cannot be read; `what` names its content."""
     try:
-        content = json.loads(text)
+        return path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
+        raise InputError(f"The {what} cannot be read: {reason}.", path=path) from error
+
+
+def parse_json(text: str, path: Path, what: str) -> Any:
+    """Parse JSON, or say where it is wrong; `what` names the content of the file at `path`."""
+    try:
+        return json.loads(text)
     except json.JSONDecodeError as error:
-        raise InputError(f"The selection is not valid JSON in line {error.lineno}: {error.msg}.", path=path, offset=error.lineno) from error
+        raise InputError(f"The {what} is not valid JSON in line {error.lineno}: {error.msg}.", path=path, offset=error.lineno) from error
     except (ValueError, RecursionError) as error:  # a number of thousands of digits, a thousand brackets
-        raise InputError("The selection is JSON beyond any use.", path=path) from error
+        raise InputError(f"The {what} is JSON beyond any use.", path=path) from error
+
+
+def selection_from(content: Any, path: Path) -> Selection:
+    """Make a selection of parsed JSON; errors name the file that it comes from.
+
+    Raises
+    ------
+    InputError
+        If it is no selection.
+    """
     return _Parser(path).selection(content)
 
 

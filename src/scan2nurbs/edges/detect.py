@@ -44,6 +44,12 @@ class Edges:
         Each run's operator and how many points it kept.
     counts : dict
         Degenerate neighbourhoods of all runs, by kind.
+    kind : (N,) uint8, or None
+        0 on no edge, 1 convex, 2 concave, 3 border of the scan, 4 corner; where it was asked for (see `edges.kinds`).
+    angle, angle_error : (N,) float64, or None
+        Degrees by which the surface turns at the edge, and their standard deviation; NaN on no edge.
+    confidence : (N,) float64, or None
+        How sure edge and kind are, in [0, 1]; 0 on no edge.
     """
 
     strength: NDArray[np.float64]
@@ -59,6 +65,10 @@ class Edges:
     radii: dict[str, float] = field(default_factory=dict)
     runs: tuple[tuple[str, int], ...] = field(default=())
     counts: dict[str, int] = field(default_factory=dict)
+    kind: NDArray[np.uint8] | None = None
+    angle: NDArray[np.float64] | None = None
+    angle_error: NDArray[np.float64] | None = None
+    confidence: NDArray[np.float64] | None = None
 
 
 def detect(points: NDArray[np.float64], scale: Scale, params: EdgeParams, progress: Progress | None = None) -> Edges:

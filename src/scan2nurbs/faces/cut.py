@@ -11,9 +11,9 @@ from scan2nurbs.surfaces.shape import Floats
 
 TRUST = 0.2
 """Area, in h², that what a tetrahedron's corners say of it is worth."""
-LARGEST = 4.0
+LARGEST = 100.0
 """Area, in h², beyond which a triangle costs no more."""
-_UNIT = 1000.0
+_UNIT = 200.0
 
 
 def decide_sides(

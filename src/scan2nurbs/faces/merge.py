@@ -96,7 +96,7 @@ def _without(traced, drawn, ends, loops, vertices, lines, faces, gone):  # type:
     used = np.zeros(len(vertices), bool)
     kept = ends[~gone]
     used[kept[kept >= 0]] = True
-    rank = np.where(used, np.cumsum(used) - 1, -1)
+    rank = np.append(np.where(used, np.cumsum(used) - 1, -1), -1)  # the last one for closed borders
     for b in np.flatnonzero(~gone):
         if ends[b][0] >= 0:
             lines[b] = np.concatenate([vertices[ends[b][:1]], lines[b][1:-1], vertices[ends[b][1:]]])
@@ -104,7 +104,7 @@ def _without(traced, drawn, ends, loops, vertices, lines, faces, gone):  # type:
         traced,
         borders=tuple(x for x, g in zip(traced.borders, gone, strict=True) if not g),
         sides=traced.sides[~gone],
-        ends=np.where(kept >= 0, rank[kept], -1).astype(np.int32),
+        ends=rank[kept].astype(np.int32),
         corners=traced.corners[used],
         loops=tuple(tuple(tuple((int(number[b]), way) for b, way in loop) for loop in group) for group in loops),
     )

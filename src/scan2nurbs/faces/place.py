@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,8 +60,7 @@ def measure(points: Floats, faces: NDArray[np.int32], shapes: Sequence[Shape]) -
     wanted = faces[rows, columns]
     order = np.argsort(wanted, kind="stable")
     rows, columns, wanted = rows[order], columns[order], wanted[order]
-    start = np.flatnonzero(np.r_[True, wanted[1:] != wanted[:-1]]) if len(wanted) else np.zeros(0, np.int64)
-    for a, b in zip(start, np.r_[start[1:], len(wanted)], strict=True):
+    for a, b in pairwise(np.flatnonzero(np.r_[True, wanted[1:] != wanted[:-1], True]) if len(wanted) else []):
         r, c = rows[a:b], columns[a:b]
         shape = shapes[int(wanted[a])]
         distance[r, c], normal[r, c] = shape.distance(points[r]), shape.normal(points[r])

@@ -16,7 +16,7 @@ from scan2nurbs.surfaces.shape import Floats, Shape
 
 NEAR = 8
 """Neighbours that have a say in a point's label."""
-AGREE = 0.5
+AGREE = 0.3
 """What a neighbour of another label costs, as half a squared deviation."""
 CAP = 8.0
 """Most that a deviation costs: four standard deviations."""
@@ -39,6 +39,8 @@ class Samples:
         Local spacing.
     h : float
         Their usual spacing.
+    spread : float
+        Standard deviation of the cloud's points across the surface.
     """
 
     points: Floats
@@ -47,6 +49,7 @@ class Samples:
     neighbours: NDArray[np.int32]
     spacing: Floats
     h: float
+    spread: float
 
 
 def take_samples(points: Floats, label: NDArray[np.int32], shapes: Sequence[Shape], scale: Scale, max_points: int) -> Samples:
@@ -76,11 +79,11 @@ def take_samples(points: Floats, label: NDArray[np.int32], shapes: Sequence[Shap
     keep[keep] = away[keep] <= limit[label[keep]]
     feet, normals, label = feet[keep], normals[keep], label[keep]
     if len(feet) < 4:
-        return Samples(feet, normals, label, np.full((len(feet), 1), -1, np.int32), np.full(len(feet), scale.h), scale.h)
+        return Samples(feet, normals, label, np.full((len(feet), 1), -1, np.int32), np.full(len(feet), scale.h), scale.h, spread)
     h = scale.h * math.sqrt(step)
     neighbours, distance = _neighbours(feet, h)
     k = neighbours.shape[1]
-    return Samples(feet, normals, label, neighbours, np.maximum(distance * math.sqrt(math.pi / k), 0.25 * h), h)
+    return Samples(feet, normals, label, neighbours, np.maximum(distance * math.sqrt(math.pi / k), 0.25 * h), h, spread)
 
 
 def _neighbours(points: Floats, h: float) -> tuple[NDArray[np.int32], Floats]:
@@ -114,7 +117,7 @@ def settle_labels(
     -----
     Iterated conditional modes of a Potts model (Besag 1986). Points without a label take one where its surface is near.
     """
-    label = label.copy()
+    given, label = label, label.copy()
     n = len(points)
     exists = neighbours >= 0
     for turn in range(2 * ROUNDS):
@@ -135,6 +138,11 @@ def settle_labels(
         best = order[np.flatnonzero(np.r_[True, row[order][1:] != row[order][:-1]])]
         best = best[np.isfinite(cost[best])]
         label[unsettled[row[best]]] = option[best]
+    # Small faces are not to be outvoted altogether.
+    before, after = (np.bincount(x[x >= 0], minlength=len(shapes)) for x in (given, label))
+    outvoted = after < 0.5 * before
+    back = (given >= 0) & outvoted[given]
+    label[back] = given[back]
     return label
 
 

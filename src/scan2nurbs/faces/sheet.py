@@ -21,6 +21,12 @@ JITTER = 0.02
 """How far, in h, the points are shaken, since points on planes and spheres have no unique Delaunay tetrahedra."""
 
 
+UPRIGHT = 0.2
+"""Cosine of the angle (78 degrees) to its corners' normals beyond which a triangle stands on end."""
+PEELINGS = 20
+"""Most layers of such triangles that are taken away."""
+
+
 @dataclass(frozen=True)
 class Sheet:
     """An oriented 2-manifold of triangles, with or without a border.
@@ -158,6 +164,34 @@ def is_covered(sheet: Sheet, points: Floats, spacing: Floats, cells: Cells, reac
         distance = nearest_to(cells, np.ascontiguousarray(places.reshape(-1, 3)), 1)[1].reshape(-1, 4)
         covered[wide] = (distance <= size[wide, None]).all(axis=1)
     return covered
+
+
+def peel(sheet: Sheet, points: Floats, normals: Floats) -> Sheet:
+    """Take away, from its borders inwards, what closes an open surface but stands upright on it.
+
+    Parameters
+    ----------
+    sheet : Sheet
+    points, normals : (N, 3) float64
+        The points that its vertices come from, and the outward unit normals at them.
+    """
+    for _ in range(PEELINGS):
+        rim = np.zeros(len(sheet.triangles), bool)
+        rim[np.flatnonzero(sheet.twin < 0) // 3] = True
+        if rim.any():
+            corners = sheet.source[sheet.triangles[rim]]
+            rim[rim] = _on_end(points[corners], normals[corners])
+        if not rim.any():
+            break
+        sheet = drop_triangles(sheet, ~rim)
+    return sheet
+
+
+def _on_end(corners: Floats, normals: Floats) -> NDArray[np.bool_]:
+    """Tell which triangles (M, 3, 3) stand upright on the surface at each of their corners."""
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    across /= np.maximum(np.linalg.norm(across, axis=1), 1e-300)[:, None]
+    return np.einsum("mj,mkj->mk", across, normals).max(axis=1) < UPRIGHT
 
 
 def components(sheet: Sheet) -> tuple[int, NDArray[np.int32]]:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scan2nurbs.errors import NoResultError, ParameterError
+from scan2nurbs.faces.bridge import bridge
 from scan2nurbs.faces.complex import Border, LabelledMesh, Loop, Topology
 from scan2nurbs.faces.double import part_double_edges
 from scan2nurbs.faces.draw import draw
@@ -17,9 +18,9 @@ from scan2nurbs.faces.merge import merge_vertices
 from scan2nurbs.faces.orient import find_patches, outward_signs
 from scan2nurbs.faces.regions import find_regions
 from scan2nurbs.faces.relabel import Samples, take_samples
-from scan2nurbs.faces.sheet import Sheet, components, drop_triangles, is_covered, span_sheet, triangle_areas
+from scan2nurbs.faces.sheet import Sheet, components, drop_triangles, is_covered, peel, span_sheet, triangle_areas
 from scan2nurbs.faces.split import split_mesh
-from scan2nurbs.faces.trace import cap_holes, genera, trace
+from scan2nurbs.faces.trace import Closed, Traced, cap_holes, genera, trace
 from scan2nurbs.kernels.runner import Progress
 from scan2nurbs.kernels.tucking import tuck_in
 from scan2nurbs.scale import Scale
@@ -28,6 +29,7 @@ from scan2nurbs.surfaces.shape import Floats, Shape
 __all__ = ["Border", "LabelledMesh", "Loop", "Topology", "TopologyParams", "find_topology"]
 
 STAGES = 5
+BRIDGES = 3
 
 
 class Fitted(Protocol):
@@ -117,17 +119,18 @@ def find_topology(
     tell(2)
     sheet = span_sheet(tucked, outward, samples.h)
     tell(3)
-    sheet, notes = _trim(sheet, tucked, samples, scale, params)
+    sheet, notes = _trim(sheet, tucked, outward, samples, scale, params)
     tell(4)
     topology = _read(sheet, tucked, signs[patch], samples, [f.shape for f in fits], notes)
     tell(5)
     return topology
 
 
-def _trim(sheet: Sheet, points: Floats, samples: Samples, scale: Scale, params: TopologyParams) -> tuple[Sheet, list[str]]:
+def _trim(sheet: Sheet, points: Floats, outward: Floats, samples: Samples, scale: Scale, params: TopologyParams) -> tuple[Sheet, list[str]]:
     """Open the surface where there is no data, and drop pieces too small to be a part."""
     if not params.fill_holes:
         sheet = drop_triangles(sheet, is_covered(sheet, points, samples.spacing, scale.cells, params.reach))
+        sheet = peel(sheet, points, outward)
     n, piece = components(sheet)
     area = np.bincount(piece, triangle_areas(points, sheet.source[sheet.triangles]), minlength=n)
     small = area < params.least_area * samples.h**2
@@ -140,9 +143,8 @@ def _trim(sheet: Sheet, points: Floats, samples: Samples, scale: Scale, params: 
 
 def _read(sheet: Sheet, points: Floats, sign: NDArray[np.int8], samples: Samples, shapes: list[Shape], notes: list[str]) -> Topology:
     sheet, place = part_double_edges(sheet, points[sheet.source])
-    region, source = find_regions(sheet, samples.label[sheet.source])
     mesh = cap_holes(sheet)
-    traced = trace(mesh, region)
+    region, source, traced = _regions(sheet, mesh, place, samples, shapes)
     own = [shapes[s] for s in source]
     drawn = draw(mesh, traced, place, region, own, samples.h)
     n_loops = np.array([len(loops) for loops in traced.loops], np.int64)
@@ -160,6 +162,20 @@ def _read(sheet: Sheet, points: Floats, sign: NDArray[np.int8], samples: Samples
     return Topology(
         drawn.vertices, borders, traced.loops, source, outward, body, closed, genera(mesh, region, n_loops), labelled, tuple(notes)
     )
+
+
+def _regions(
+    sheet: Sheet, mesh: Closed, place: Floats, samples: Samples, shapes: list[Shape]
+) -> tuple[NDArray[np.int32], NDArray[np.int32], Traced]:
+    label = samples.label[sheet.source]
+    for turn in range(BRIDGES + 1):
+        region, source = find_regions(sheet, label)
+        traced = trace(mesh, region)
+        if turn < BRIDGES:
+            label = bridge(mesh, traced, region, source, place, shapes, samples.spread, samples.h)
+            if np.array_equal(label, source[region]):
+                break
+    return region, source, traced
 
 
 def _bodies(

@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 from scan2nurbs.kernels.runner import kernel, run_ranges
 
 _RANGE = 1 << 14
+_LONG = 4.0
+_FLAT = 4.0
 
 
 def sides(
@@ -34,7 +36,8 @@ def sides(
         In [−2, 2]: mean depth of the circumcentre below the corners' tangent planes by its distance from the corners, less where that is
         below 2 h; positive inside.
     mixed : (T,) bool
-        Where the corners disagree.
+        Where the corners disagree, or lie far apart and nearly in a plane: such tetrahedra span the openings of pockets, on whose rims
+        alone they stand.
 
     Notes
     -----
@@ -68,8 +71,10 @@ def _sides(points, normals, tetrahedra, apex, h, start, stop, depth, mixed):
         radius = np.sqrt(centre[0] * centre[0] + centre[1] * centre[1] + centre[2] * centre[2])
         size = abs(total) / (n * max(radius, 1e-300)) * (min(radius / h, 2.0) if n == 4 else 2.0)
         bend = _bend(points, normals, tetrahedra[t], vote, n)
-        mixed[t] = not np.isnan(bend)
-        inside = bend > 0.0 if mixed[t] and bend != 0.0 else total < 0.0
+        disagree = not np.isnan(bend)
+        inside = bend > 0.0 if disagree and bend != 0.0 else total < 0.0
+        longest = _longest(points, tetrahedra[t], n)
+        mixed[t] = disagree or (n == 4 and longest > _LONG * h and radius > _FLAT * longest)
         depth[t] = size if inside else -size
 
 
@@ -85,6 +90,17 @@ def _bend(points, normals, corners, vote, n):
                 for k in range(3):
                     bend += (a[k] - b[k]) * (q[k] - p[k])
     return bend if some else np.nan
+
+
+@kernel
+def _longest(points, corners, n):
+    square = 0.0
+    for i in range(1, n):
+        length = 0.0
+        for k in range(3):
+            length += (points[corners[i], k] - points[corners[0], k]) ** 2
+        square = max(square, length)
+    return np.sqrt(square)
 
 
 @kernel

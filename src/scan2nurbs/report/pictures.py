@@ -96,7 +96,7 @@ def trend_picture(points: Array, deviation: Array, *, unit: str, tolerance: floa
         Signed distance, in `unit`; NaN takes no part.
     """
     known = np.flatnonzero(np.isfinite(deviation))
-    known = known[_thin_out(len(known), MOST_AVERAGED)]
+    known = known[thin_out(len(known), MOST_AVERAGED)]
     points, deviation = points[known], deviation[known]
     k = min(NEARBY, len(known))
     mean = deviation[KDTree(points).query(points, k, workers=-1)[1]].reshape(len(known), k).mean(axis=1) if k else deviation
@@ -129,13 +129,13 @@ def groups_picture(
     curves : sequence of (K, 3) float64
         Drawn over everything, e.g. the boundary's loops; `curve_name` says what they are.
     """
-    keep = _thin_out(len(points))
+    keep = thin_out(len(points))
     colour = np.tile(to_rgb(GREY), (len(keep), 1))
     chosen = dict(zip(groups, (BLUE, ORANGE, GREEN), strict=False))
     for name, shade in chosen.items():
         colour[groups[name][keep]] = to_rgb(shade)
-    figure, axes, scene = _stage(points[keep], colour, view, unit)
-    _draw_curves(axes, scene, curves, "black", 1.6)
+    figure, axes, scene = stage(points[keep], colour, view, unit)
+    draw_curves(axes, scene, curves, "black", 1.6)
     entries = [
         Line2D([], [], marker="o", linestyle="", color=shade, label=f"{name} ({np.count_nonzero(groups[name]):,})")
         for name, shade in chosen.items()
@@ -143,19 +143,19 @@ def groups_picture(
     entries += [Line2D([], [], color="black", label=curve_name)] if curves else []
     if entries:
         figure.legend(handles=entries, loc="lower center", ncols=len(entries), frameon=False, fontsize=9)
-    return Picture(title, caption, _png(figure))
+    return Picture(title, caption, to_png(figure))
 
 
 def surface_picture(points: Array, lines: Sequence[Array], boundary: Sequence[Array], *, unit: str, view: View | None = None) -> Picture:
     """Show the surface as lines of constant parameter over the scan, with the boundary that trims it."""
-    keep = _thin_out(len(points))
-    figure, axes, scene = _stage(points[keep], np.tile(to_rgb(GREY), (len(keep), 1)), view, unit)
-    _draw_curves(axes, scene, lines, BLUE, 0.8)
-    _draw_curves(axes, scene, boundary, ORANGE, 2.0)
+    keep = thin_out(len(points))
+    figure, axes, scene = stage(points[keep], np.tile(to_rgb(GREY), (len(keep), 1)), view, unit)
+    draw_curves(axes, scene, lines, BLUE, 0.8)
+    draw_curves(axes, scene, boundary, ORANGE, 2.0)
     entries = [Line2D([], [], color=BLUE, label="lines of constant parameter"), Line2D([], [], color=ORANGE, label="trimming boundary")]
     figure.legend(handles=entries, loc="lower center", ncols=2, frameon=False, fontsize=9)
     return Picture(
-        "The surface", "Lines of constant parameter of the NURBS surface inside its trimming boundary, over the scan.", _png(figure)
+        "The surface", "Lines of constant parameter of the NURBS surface inside its trimming boundary, over the scan.", to_png(figure)
     )
 
 
@@ -186,7 +186,7 @@ def deviation_histogram(deviation: Array, *, unit: str, noise: float | None = No
     said = (
         "Deviations within the noise are scatter of the scan; what lies far beyond it is shape that the surface misses, or a stray point."
     )
-    return Picture("Distribution of the deviations", said, _png(figure))
+    return Picture("Distribution of the deviations", said, to_png(figure))
 
 
 def _coloured(
@@ -201,21 +201,21 @@ def _coloured(
     view: View | None,
     mark: float | None = None,
 ) -> Picture:
-    keep = _thin_out(len(points))
+    keep = thin_out(len(points))
     mapping = ScalarMappable(Normalize(*limits), scale)
     known = np.isfinite(values[keep])
     colour = np.asarray(mapping.to_rgba(np.where(known, values[keep], 0.0)))[:, :3]
     colour[~known] = to_rgb(GREY)
-    figure, axes, _ = _stage(points[keep], colour, view, unit)
+    figure, axes, _ = stage(points[keep], colour, view, unit)
     bar = figure.colorbar(mapping, ax=axes, shrink=0.75, aspect=28, pad=0.01, extend="max" if limits[0] == 0 else "both", label=label)
     if mark is not None:
         bar.ax.axhline(mark, color="white", linewidth=2.2)
         bar.ax.axhline(mark, color="black", linewidth=0.9)
-    return Picture(title, caption, _png(figure))
+    return Picture(title, caption, to_png(figure))
 
 
-def _stage(points: Array, colour: Array, view: View | None, unit: str) -> tuple[Figure, Axes, _Scene]:
-    """Draw shaded points with a scale bar and the directions of the axes."""
+def stage(points: Array, colour: Array, view: View | None, unit: str) -> tuple[Figure, Axes, Scene]:
+    """Draw shaded points (N, 3) in their colours (N, 3), with a scale bar and the directions of the axes."""
     view = view or choose_view(points)
     size = view.high - view.low
     height = int(_WIDTH * np.clip(size[1] / size[0], 0.3, 0.85)) if size[0] > 0 else _WIDTH // 2
@@ -231,11 +231,11 @@ def _stage(points: Array, colour: Array, view: View | None, unit: str) -> tuple[
     axes.set_axis_off()
     axes.set(xlim=(left, right), ylim=(low, high))
     _draw_scale(axes, fitted, unit)
-    return figure, axes, _Scene(fitted, raster)
+    return figure, axes, Scene(fitted, raster)
 
 
 @dataclass(frozen=True)
-class _Scene:
+class Scene:
     """What was drawn, to draw over it."""
 
     view: View
@@ -273,7 +273,7 @@ def _draw_scale(axes: Axes, view: View, unit: str) -> None:
             axes.annotate(name, (across, upwards), ha="center", va="center", fontsize=8, color="#555555")
 
 
-def _draw_curves(axes: Axes, scene: _Scene, curves: Sequence[Array], colour: str, width: float) -> None:
+def draw_curves(axes: Axes, scene: Scene, curves: Sequence[Array], colour: str, width: float) -> None:
     """Draw curves; what runs behind the points is dotted."""
     for curve in curves:
         seen = scene.view.project(np.asarray(curve))
@@ -285,7 +285,7 @@ def _draw_curves(axes: Axes, scene: _Scene, curves: Sequence[Array], colour: str
             axes.plot(*line.T, color=colour, linewidth=width * strength, linestyle=style)
 
 
-def _thin_out(n: int, most: int = MOST_POINTS) -> NDArray[np.int64]:
+def thin_out(n: int, most: int = MOST_POINTS) -> NDArray[np.int64]:
     """Return every point, or `most` of them evenly chosen; the default is as many as a picture has pixels."""
     return np.arange(n) if n <= most else np.linspace(0, n - 1, most).astype(np.int64)
 
@@ -302,7 +302,8 @@ def _short(value: float) -> str:
     return f"{value:.3g}"
 
 
-def _png(figure: Figure) -> bytes:
+def to_png(figure: Figure) -> bytes:
+    """Draw a figure into the bytes of a PNG file."""
     FigureCanvasAgg(figure)
     stream = io.BytesIO()
     figure.savefig(stream, format="png", bbox_inches="tight", pad_inches=0.08, metadata={"Software": None})

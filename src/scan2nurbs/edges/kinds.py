@@ -1,0 +1,186 @@
+"""What kind of edge a point lies on (convex, concave, corner, border of the scan), how much the surface turns, and how sure that is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+
+from scan2nurbs.edges.border import find_borders
+from scan2nurbs.edges.crease import fit_radius
+from scan2nurbs.edges.detect import Edges
+from scan2nurbs.edges.orient import Creases, orient_normals
+from scan2nurbs.kernels.cells import Cells
+from scan2nurbs.kernels.creases import fit_wedges
+from scan2nurbs.kernels.nearest import nearest_neighbours
+from scan2nurbs.kernels.runner import Progress
+from scan2nurbs.scale import Scale
+
+NONE, CONVEX, CONCAVE, BORDER, CORNER = range(5)
+KIND_NAMES = ("none", "convex", "concave", "border", "corner")
+
+NEIGHBOURS = 8
+# Feet of wedges farther from their point than this, in h, belong to another edge.
+FOOT_REACH = 3.0
+# How many times thicker than noise a neighbourhood of one face may be, and how far from a border, in h, normals may be of two.
+THICK, FEW, BESIDE = 1.4, 3, 4.0
+# Directions of the creases within CORNER_RADIUS (h) spread over more than CORNER_SPREAD of their trace: a corner.
+CORNER_RADIUS, CORNER_SPREAD, CORNER_NOISE = 2.0, 0.2, 1.0
+
+
+@dataclass(frozen=True)
+class EdgeKinds:
+    """The kind of every point.
+
+    Attributes
+    ----------
+    kind : (N,) uint8
+        0 on no edge, 1 convex, 2 concave, 3 border of the scan, 4 corner.
+    angle : (N,) float64
+        Degrees by which the surface turns at the edge, in [0, 180]: 180 minus the dihedral angle inside a convex edge. 180 at a border,
+        where one face ends; NaN on no edge, and where it cannot be measured.
+    angle_error : (N,) float64
+        Standard deviation of the angle, in degrees; NaN as the angle.
+    confidence : (N,) float64
+        In [0, 1]: how sure edge and kind are; 0 on no edge.
+    outline : (N,) bool
+        Border points where a sheet ends, rather than a gap in the data.
+    """
+
+    kind: NDArray[np.uint8]
+    angle: NDArray[np.float64]
+    angle_error: NDArray[np.float64]
+    confidence: NDArray[np.float64]
+    outline: NDArray[np.bool_]
+
+
+def edge_kinds(scale: Scale, edges: Edges, progress: Progress | None = None) -> EdgeKinds:
+    """Tell the kinds of edge points.
+
+    Parameters
+    ----------
+    scale : Scale
+        What `measure_scale` said of the cloud.
+    edges : Edges
+        What `detect` found, in the cloud's order.
+    progress : callable, optional
+        Called with (done, all).
+
+    Notes
+    -----
+    Each edge point's crease is fitted anew with the two faces that meet in it. Their directions give the angle, and its error from the
+    points' scatter; with oriented normals (see `orient_normals`) they give the kind. Where creases of several directions meet is a
+    corner.
+    """
+    cells = scale.cells
+    order = cells.order
+    on_edge, normal = edges.mask[order], edges.normal[order]
+    neighbours, distance = nearest_neighbours(cells, min(NEIGHBOURS, len(order) - 1), progress=progress)
+    spacing = distance[:, -1] * np.sqrt(np.pi / distance.shape[1])
+    del distance
+    rows = np.flatnonzero(on_edge)
+    creases, usable = _creases(scale, rows)
+    borders = find_borders(cells, normal, spacing, scale.h, scale.noise)
+    doubtful = on_edge | _thick(cells, normal, neighbours, scale) | _beside(cells, borders.mask, scale)
+    found = orient_normals(cells, normal, neighbours, doubtful, creases, scale.noise)
+    kinds = _of_creases(scale, rows, creases, usable, found.sides.turn, found.sides.turn_error, found.sides.towards, found.agreement)
+    ends = borders.mask & ~(on_edge & (kinds.confidence > 0.0))
+    kinds.kind[ends] = BORDER
+    kinds.angle[ends], kinds.angle_error[ends] = 180.0, 0.0
+    kinds.confidence[ends] = borders.openness[ends]
+    back = np.empty(len(order), np.int64)
+    back[order] = np.arange(len(order))
+    return EdgeKinds(kinds.kind[back], kinds.angle[back], kinds.angle_error[back], kinds.confidence[back], borders.outline[back])
+
+
+def with_kinds(scale: Scale, edges: Edges, progress: Progress | None = None) -> Edges:
+    """Return the edges with the kind of every point; borders where a sheet ends count as edges."""
+    kinds = edge_kinds(scale, edges, progress)
+    return replace(
+        edges,
+        mask=edges.mask | kinds.outline,
+        kind=kinds.kind,
+        angle=kinds.angle,
+        angle_error=kinds.angle_error,
+        confidence=kinds.confidence,
+    )
+
+
+def _thick(cells: Cells, normal: NDArray[np.float64], neighbours: NDArray[np.int32], scale: Scale) -> NDArray[np.bool_]:
+    """Tell whose neighbours lie farther off its plane than noise puts them: two sides of something thin, whose normals may be either's."""
+    total = np.zeros(len(normal))
+    for k in range(neighbours.shape[1]):
+        total += np.einsum("nc,nc->n", cells.points[neighbours[:, k]] - cells.points, normal) ** 2
+    thick = np.sqrt(total / neighbours.shape[1]) > THICK * (np.sqrt(2.0) * scale.noise + 0.1 * scale.h)
+    # Chance makes single points look thick, and where it is thick single points thin.
+    return thick | (thick[neighbours].sum(axis=1) >= FEW)
+
+
+def _beside(cells: Cells, mask: NDArray[np.bool_], scale: Scale) -> NDArray[np.bool_]:
+    """Tell which points lie near some of them."""
+    if not mask.any():
+        return mask
+    reach = BESIDE * scale.h + scale.noise
+    return np.isfinite(KDTree(cells.points[mask]).query(cells.points, distance_upper_bound=reach)[0])
+
+
+def _creases(scale: Scale, rows: NDArray[np.int64]) -> tuple[Creases, NDArray[np.bool_]]:
+    """Fit a wedge at each edge point; tell where there is one nearby."""
+    h, radius = scale.h, fit_radius(scale.noise / scale.h) * scale.h
+    places = np.ascontiguousarray(scale.cells.points[rows])
+    wedges = fit_wedges(scale.cells, places, radius, scale.noise, rounds=2)
+    with np.errstate(invalid="ignore"):
+        usable = np.linalg.norm(wedges.foot - places, axis=1) <= FOOT_REACH * h + scale.noise
+    turn = np.where(usable, np.nan_to_num(wedges.angle), 0.0)
+    return Creases(np.nan_to_num(wedges.foot), np.nan_to_num(wedges.direction), turn, radius), usable & (turn > 0.0)
+
+
+def _of_creases(
+    scale: Scale,
+    rows: NDArray[np.int64],
+    creases: Creases,
+    usable: NDArray[np.bool_],
+    turn: NDArray[np.float64],
+    turn_error: NDArray[np.float64],
+    towards: NDArray[np.float64],
+    agreement: NDArray[np.float64],
+) -> EdgeKinds:
+    """Write what the creases say to their points; points without a crease of their own take the nearest one's."""
+    n = len(scale.cells.points)
+    kinds = EdgeKinds(np.zeros(n, np.uint8), np.full(n, np.nan), np.full(n, np.nan), np.zeros(n), np.zeros(n, bool))
+    with np.errstate(invalid="ignore"):
+        side = np.where(np.isfinite(towards).any(axis=1), np.nansum(towards, axis=1), 0.0)
+    good = usable & np.isfinite(turn)
+    known = np.flatnonzero(good & (side != 0.0))
+    if len(known) == 0:
+        kinds.kind[rows] = CONVEX
+        return kinds
+    places = scale.cells.points[rows]
+    tree = KDTree(creases.foot[known])
+    # The sign is a matter of the neighbourhood: one wedge gone wrong is outvoted.
+    near, nearest = tree.query(places, min(8, len(known)))
+    near, nearest = near.reshape(len(rows), -1), nearest.reshape(len(rows), -1)
+    vote = np.where(near <= max(near[:, 0].max(initial=0.0), 3.0 * scale.h), side[known][nearest], 0.0).mean(axis=1)
+    kinds.kind[rows] = np.where(vote > 0.0, CONCAVE, CONVEX)
+    own = np.where(good, np.arange(len(rows)), known[nearest[:, 0]])
+    angle, error = np.degrees(turn[own]), np.degrees(turn_error[own])
+    kinds.angle[rows], kinds.angle_error[rows] = angle, error
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        seen = 1.0 - np.exp(-0.5 * (angle / (3.0 * np.maximum(error, 1e-3))) ** 2)
+    kinds.confidence[rows] = np.where(good, 1.0, 0.5) * np.nan_to_num(seen) * np.clip(np.abs(vote) / 2.0 + 0.25 * agreement[own], 0.0, 1.0)
+    kinds.kind[rows[_corners(scale, places, creases.direction, good)]] = CORNER
+    return kinds
+
+
+def _corners(scale: Scale, places: NDArray[np.float64], direction: NDArray[np.float64], good: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Tell where creases of several directions come together."""
+    radius = CORNER_RADIUS * scale.h + CORNER_NOISE * scale.noise
+    outer = np.einsum("ni,nj->nij", direction, direction).reshape(len(places), 9) * good[:, None]
+    pairs = KDTree(places).sparse_distance_matrix(KDTree(places), radius, output_type="coo_matrix").tocsr()
+    pairs.data[:] = 1.0
+    total = (pairs @ outer + outer).reshape(-1, 3, 3)
+    count = np.trace(total, axis1=1, axis2=2)
+    values = np.linalg.eigvalsh(total)
+    return (count >= 4) & (values[:, 1] > CORNER_SPREAD * np.maximum(count, 1e-300))

@@ -1,0 +1,144 @@
+"""Which side is outside: normals without sign become arrows, alike over each connected surface and pointing away from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array, csr_array
+from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
+
+from scan2nurbs.kernels.cells import Cells
+from scan2nurbs.kernels.flood import flood_signs
+from scan2nurbs.kernels.wedge_sides import WedgeSides, wedge_sides
+
+# Neighbours whose normals turn by less are of one face for sure; by less than LOOSE, they have a say.
+SAFE, LOOSE = np.cos(np.radians(20.0)), np.cos(np.radians(50.0))
+# What a crease says counts as much as so many links.
+CREASE_WEIGHT = 4.0
+
+
+class Creases(NamedTuple):
+    """Places where two faces meet: foot points (M, 3), unit directions (M, 3), turns (M,) in radians, and the radius to look at."""
+
+    foot: NDArray[np.float64]
+    direction: NDArray[np.float64]
+    turn: NDArray[np.float64]
+    radius: float
+
+
+@dataclass(frozen=True)
+class Orientation:
+    """Oriented normals, in the order of the sorted points.
+
+    Attributes
+    ----------
+    normal : (N, 3) float64
+        Unit normals that point outwards; NaN where unknown, as on the edges themselves.
+    group : (N,) int32
+        Connected surface of each point; −1 where its normal is unknown. Whether two groups agree is not known.
+    sides : WedgeSides
+        The faces at each crease, with cosines against the oriented normals.
+    agreement : (M,) float64
+        How far both faces of a crease agree on its kind, in [0, 1].
+    """
+
+    normal: NDArray[np.float64]
+    group: NDArray[np.int32]
+    sides: WedgeSides
+    agreement: NDArray[np.float64]
+
+
+def orient_normals(
+    cells: Cells, normals: NDArray[np.float64], neighbours: NDArray[np.int32], doubtful: NDArray[np.bool_], creases: Creases, noise: float
+) -> Orientation:
+    """Give all normals a sign.
+
+    Parameters
+    ----------
+    cells : Cells
+        The sorted points.
+    normals : (N, 3) float64
+        Unit normals as lines, best one-sided, in sorted order; NaN where unknown.
+    neighbours : (N, k) int32
+        A few nearest neighbours of each sorted point; −1 where there is none.
+    doubtful : (N,) bool
+        Points whose normals may belong to either of two faces, as on edges: they take no part.
+    creases : Creases
+        Where faces meet sharply.
+    noise : float
+        Standard deviation of the points across the surface.
+
+    Notes
+    -----
+    Signs spread within smooth patches over links between nearly parallel normals. Patches are then joined by a maximum spanning tree
+    (Hoppe et al. 1992, with patches for points) whose weights are sums of votes. Across a crease the angle between two normals says
+    nothing about their signs, since the dihedral angle is no smaller than it is large. But the two faces' directions from the crease do:
+    both outward normals point to the other face's side where the edge is concave, neither does where it is convex. Each crease point
+    votes by that. Last, a group whose flux Σ (p − mean)·n is negative is turned outwards.
+    """
+    known = np.isfinite(normals[:, 0])
+    component, sign = flood_signs(neighbours, np.nan_to_num(normals), known & ~doubtful, float(SAFE))
+    signed = normals * np.where(sign == 0, np.nan, sign)[:, None]
+    sides = wedge_sides(cells, signed, component, creases.foot, creases.direction, creases.turn, creases.radius, noise)
+    n = int(component.max(initial=-1)) + 1
+    votes = _votes(component, signed, neighbours, sides, n)
+    flip, group_of = _join(votes, n)
+    oriented = signed * np.where(component >= 0, flip[component], np.nan)[:, None]
+    group = np.where(component >= 0, group_of[component], -1).astype(np.int32)
+    outwards = _outwards(cells.points, oriented, group)
+    factor = np.where(sides.component >= 0, (flip * outwards[group_of])[sides.component], np.nan) if n else np.nan
+    oriented *= np.where(group >= 0, outwards[group], np.nan)[:, None]
+    towards = sides.towards * factor
+    with np.errstate(invalid="ignore"):
+        agreement = np.nan_to_num(np.abs(towards.sum(axis=1)) / 2.0)
+    return Orientation(oriented, group, sides._replace(towards=towards), agreement)
+
+
+def _votes(
+    component: NDArray[np.int32], normals: NDArray[np.float64], neighbours: NDArray[np.int32], sides: WedgeSides, n: int
+) -> csr_array:
+    """Sum what links and creases say about the signs of two components: positive where they agree."""
+    rows, columns, values = [], [], []
+    for k in range(neighbours.shape[1]):
+        there = neighbours[:, k]
+        loose = np.flatnonzero((there >= 0) & (component >= 0) & (component[there] >= 0) & (component != component[there]))
+        cosine = np.einsum("nc,nc->n", normals[loose], normals[there[loose]])
+        loose, cosine = loose[np.abs(cosine) > LOOSE], cosine[np.abs(cosine) > LOOSE]
+        rows.append(component[loose]), columns.append(component[there[loose]]), values.append(cosine)
+    a, b = sides.component.T
+    both = (a >= 0) & (b >= 0) & (a != b)
+    rows.append(a[both]), columns.append(b[both]), values.append(CREASE_WEIGHT * (sides.towards[both, 0] * sides.towards[both, 1]))
+    votes = coo_array((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), shape=(n, n)).tocsr()
+    return csr_array(votes + votes.T)
+
+
+def _join(votes: csr_array, n: int) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """Return the sign of each component, alike over its group, and the group."""
+    if n == 0:
+        return np.ones(0), np.zeros(0, np.int32)
+    # The strongest votes make the tree; csgraph looks for the least sum, and takes 0 for no link.
+    weights = votes.copy()
+    weights.data = 1.0 / (1.0 + np.abs(votes.data))
+    tree = minimum_spanning_tree(weights)
+    tree = csr_array(tree + tree.T)
+    _, group = connected_components(tree, directed=False)
+    sign = np.ones(n)
+    _, first = np.unique(group, return_index=True)
+    for root in first:
+        order, before = breadth_first_order(tree, root, directed=False)
+        for node in order[1:]:
+            sign[node] = sign[before[node]] * (1.0 if votes[before[node], node] >= 0.0 else -1.0)
+    return sign, group.astype(np.int32)
+
+
+def _outwards(points: NDArray[np.float64], normals: NDArray[np.float64], group: NDArray[np.int32]) -> NDArray[np.float64]:
+    """Return −1 for each group whose normals point inwards on the whole."""
+    member = np.flatnonzero(group >= 0)
+    n = int(group.max(initial=-1)) + 1
+    size = np.maximum(np.bincount(group[member], minlength=n), 1)
+    mean = np.stack([np.bincount(group[member], points[member, c], n) / size for c in range(3)], axis=1)
+    flux = np.bincount(group[member], np.einsum("nc,nc->n", points[member] - mean[group[member]], normals[member]), n)
+    return np.where(flux < 0.0, -1.0, 1.0)

@@ -1,0 +1,168 @@
+"""Models compete for points: labels, fits and the set of models are improved in turns until each model pays for itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from scan2nurbs.kernels.growth import NONE_COST, NOTICEABLE
+from scan2nurbs.kernels.labelling import candidate_costs, choose_labels, nearby_labels
+from scan2nurbs.kernels.offers import fill_candidates, offer_models
+from scan2nurbs.kernels.primitives import FREEDOM
+from scan2nurbs.kernels.refits import refit_all
+from scan2nurbs.kernels.runner import kernel
+
+CANDIDATES = 8
+LINK_COST = 0.25
+ACROSS_CREASE = 0.5
+MODEL_COST = 12.0
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A cloud in units of h with its graph: what every step of a segmentation works on.
+
+    Attributes
+    ----------
+    points, normals : (N, 3) float64
+        Points, and normals as lines, NaN where undefined.
+    neighbours : (N, k) int32
+    weights : (N, k) float32
+        What it costs two neighbours to differ; less across creases.
+    sigma, tilt : float
+        Noise of points across the surface, in h, and of normals, as a sine.
+    """
+
+    points: NDArray[np.float64]
+    normals: NDArray[np.float64]
+    neighbours: NDArray[np.int32]
+    weights: NDArray[np.float32]
+    sigma: float
+    tilt: float
+
+
+def link_weights(normals: NDArray[np.float64], neighbours: NDArray[np.int32]) -> NDArray[np.float32]:
+    """Weigh the links of a graph: full along the surface, little where normals break."""
+    out = np.full(neighbours.shape, LINK_COST, np.float32)
+    for k in range(neighbours.shape[1]):
+        dot = np.abs(np.einsum("ij,ij->i", normals, normals[neighbours[:, k]]))
+        out[:, k] *= np.where(dot > 0.9, 1.0, ACROSS_CREASE)
+        out[neighbours[:, k] < 0, k] = 0.0
+    return out
+
+
+def select(candidates: NDArray[np.int32], costs: NDArray[np.float32], models: NDArray[np.float64]) -> NDArray[np.int32]:
+    """Leave out the models that others replace at less than they cost, the most dispensable first.
+
+    Returns
+    -------
+    (N, K) int32
+        The candidates that are left.
+    """
+    candidates = candidates.copy()
+    n = len(models)
+    freedom = np.array(FREEDOM)[models[:, 0].astype(int)]
+    alive = np.zeros(n, bool)
+    alive[np.unique(candidates[candidates >= 0])] = True
+    while True:
+        loss, size = np.zeros(n), np.zeros(n, np.int64)
+        _losses(candidates, costs, alive, loss, size)
+        surplus = loss - MODEL_COST - 0.5 * freedom * np.log(np.maximum(size, 2))
+        surplus[~alive] = np.inf
+        worst = int(np.argmin(surplus))
+        if not surplus[worst] < 0.0:
+            break
+        alive[worst] = False
+    candidates[(candidates >= 0) & ~alive[candidates]] = -1
+    return candidates
+
+
+@kernel
+def _losses(candidates, costs, alive, loss, size):
+    for i in range(len(candidates)):
+        best, second, own = NONE_COST, NONE_COST, -1
+        for k in range(candidates.shape[1]):
+            label = candidates[i, k]
+            if label < 0 or not alive[label]:
+                continue
+            if costs[i, k] < best:
+                best, second, own = costs[i, k], best, label
+            elif costs[i, k] < second:
+                second = costs[i, k]
+        if own >= 0:
+            loss[own] += max(second - best - NOTICEABLE, 0.0)
+            size[own] += 1
+
+
+def label_points(sheet: Sheet, models: NDArray[np.float64], candidates: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Let the candidates compete for the points."""
+    costs = candidate_costs(sheet.points, sheet.normals, models, candidates, sheet.sigma, sheet.tilt)
+    return choose_labels(candidates, costs, sheet.neighbours, sheet.weights)
+
+
+def nearby(sheet: Sheet, label: NDArray[np.int32], rings: int) -> NDArray[np.int32]:
+    """Return the labels near every point (N, K)."""
+    out = np.full((len(label), CANDIDATES), -1, np.int32)
+    nearby_labels(label, 0.0, sheet.neighbours, rings, out)
+    return out
+
+
+def offered(sheet: Sheet, label: NDArray[np.int32], models: NDArray[np.float64], rings: int) -> NDArray[np.int32]:
+    """Return the models that may explain each point (N, K): those it connects to along points that follow them, and those nearby."""
+    order, starts = grouped(label, len(models))
+    candidates, offers = np.empty((len(label), CANDIDATES), np.int32), np.empty((len(label), CANDIDATES))
+    offer_models(
+        sheet.points, sheet.normals, sheet.neighbours, order, starts, models, sheet.sigma, sheet.tilt, candidates, offers
+    )
+    fill_candidates(candidates, nearby(sheet, label, rings))
+    return candidates
+
+
+def split_pieces(
+    sheet: Sheet, label: NDArray[np.int32], models: NDArray[np.float64], least: int
+) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+    """Give every connected piece of a label its own model; pieces of fewer than `least` points lose their label."""
+    n, k = sheet.neighbours.shape
+    j = sheet.neighbours.ravel()
+    i = np.repeat(np.arange(n), k)
+    same = (j >= 0) & (label[i] == label[j]) & (label[i] >= 0)
+    graph = coo_array((np.ones(int(same.sum()), np.int8), (i[same], j[same])), shape=(n, n))
+    _, piece = connected_components(graph, directed=False)
+    size = np.bincount(piece)
+    good = (label >= 0) & (size[piece] >= least)
+    kept, first, compact = np.unique(piece[good], return_index=True, return_inverse=True)
+    out = np.full(n, -1, np.int32)
+    out[good] = compact
+    return out, models[label[good][first]].copy() if len(kept) else models[:0]
+
+
+def depths(label: NDArray[np.int32], neighbours: NDArray[np.int32], most: int = 6) -> NDArray[np.int32]:
+    """Count the rings from every point to another label, up to `most`."""
+    same = (label[neighbours] == label[:, None]) | (neighbours < 0)
+    inside = same.all(axis=1)
+    depth = inside.astype(np.int32)
+    for _ in range(most - 1):
+        inside = inside & inside[neighbours].all(axis=1)
+        depth += inside
+    return depth
+
+
+def fit_regions(sheet: Sheet, label: NDArray[np.int32], models: NDArray[np.float64], kinds: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Refit all models to their points in place, changing kinds where that pays; return their criteria (M,)."""
+    order, starts = grouped(label, len(models))
+    values = np.empty(len(models))
+    refit_all(
+        sheet.points, sheet.normals, sheet.neighbours, order, starts, depths(label, sheet.neighbours), kinds, sheet.sigma, models, values
+    )
+    return values
+
+
+def grouped(label: NDArray[np.int32], n: int) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+    """Sort the points by label: group l is order[starts[l]:starts[l + 1]]."""
+    order = np.argsort(label, kind="stable").astype(np.int32)
+    starts = np.searchsorted(label[order], np.arange(n + 1))
+    return order, starts

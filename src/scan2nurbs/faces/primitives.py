@@ -1,0 +1,77 @@
+"""Find the primitives of a part and the points that belong to each."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scan2nurbs.faces.compete import CANDIDATES, Sheet, fit_regions, label_points, offered, select, split_pieces
+from scan2nurbs.faces.fillets import find_fillets
+from scan2nurbs.faces.unite import unite
+from scan2nurbs.kernels.bends import unevenness
+from scan2nurbs.kernels.growth import NONE_COST, propose
+from scan2nurbs.kernels.labelling import candidate_costs
+from scan2nurbs.kernels.primitives import CYLINDER, PATCH, SIZE, TORUS
+from scan2nurbs.kernels.runner import Progress
+
+MOST_MODELS = 6000
+ROUNDS = 5
+LEAST_SEED = 15
+RINGS = 2
+FILLET_ROUNDS = (1, 2)
+
+
+def find_primitives(
+    sheet: Sheet,
+    one_sided: NDArray[np.float64],
+    curvature: NDArray[np.float64],
+    kinds: NDArray[np.bool_],
+    least: int,
+    progress: Progress | None,
+) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+    """Grow primitives, then let them compete, be fitted anew, split and joined.
+
+    Parameters
+    ----------
+    sheet : Sheet
+    one_sided : (N, 3) float64
+        Normals that do not blur across creases: where neighbourhoods end.
+    curvature : (N, 2) float64
+        Principal curvatures.
+    kinds : (6,) bool
+        Kinds that may be found.
+    least : int
+        Fewest points a face.
+    progress : callable, optional
+
+    Returns
+    -------
+    label : (N,) int32
+    models : (M, SIZE) float64
+    """
+    n = len(sheet.points)
+    seeds = np.argsort(unevenness(curvature, sheet.neighbours), kind="stable").astype(np.int32)
+    models = np.zeros((MOST_MODELS, SIZE))
+    best, own = np.full(n, NONE_COST), np.full(n, -1, np.int32)
+    candidates, offers = np.full((n, CANDIDATES), -1, np.int32), np.full((n, CANDIDATES), np.inf)
+    count = propose(
+        sheet.points, one_sided, sheet.neighbours, seeds, kinds, sheet.sigma, sheet.tilt, LEAST_SEED, models, best, own, candidates, offers
+    )
+    models = models[:count].copy()
+    label = own
+    refits = kinds.copy()
+    refits[PATCH] = False
+    for step in range(ROUNDS):
+        costs = candidate_costs(sheet.points, sheet.normals, models, candidates, sheet.sigma, sheet.tilt)
+        candidates = select(candidates, costs, models)
+        label, models = split_pieces(sheet, label_points(sheet, models, candidates), models, least)
+        values = fit_regions(sheet, label, models, refits)
+        label, models = unite(sheet, label, models, values, refits)
+        if step == ROUNDS - 1:
+            break
+        if step in FILLET_ROUNDS and kinds[CYLINDER] and kinds[TORUS]:
+            sheet, label, models = find_fillets(sheet, label, models)
+        candidates = offered(sheet, label, models, RINGS)
+        if progress is not None:
+            progress(step + 1, ROUNDS)
+    return label, models

@@ -1,0 +1,161 @@
+"""Group the points of a whole part into faces, each with the surface that explains it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scan2nurbs.edges.detect import Edges
+from scan2nurbs.errors import ParameterError
+from scan2nurbs.faces.compete import Sheet, link_weights
+from scan2nurbs.faces.finish import face_fits, rank_faces, smooth_pairs, spread_labels
+from scan2nurbs.faces.freeform import freeform_groups
+from scan2nurbs.faces.primitives import find_primitives
+from scan2nurbs.kernels.bends import bends
+from scan2nurbs.kernels.nearest import nearest_neighbours
+from scan2nurbs.kernels.primitives import KIND_NAMES, PATCH
+from scan2nurbs.kernels.runner import Progress
+from scan2nurbs.scale import Scale, measure_scale
+from scan2nurbs.surfaces.shape import KINDS
+from scan2nurbs.surfaces.shape_fit import ShapeFit
+
+NEIGHBOURS = 12
+TILT = 0.12
+"""Sine of the angle by which normals of some two dozen noisy points stray."""
+LEAST_NOISE = 0.05
+"""Smaller noise than this, in h, is not believed: surfaces of a scan are never so exact, and starts of fits not either."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SegmentParams:
+    """How to group points into faces; without arguments everything follows from noise and spacing.
+
+    Attributes
+    ----------
+    tolerance : float, optional
+        Points this far from a surface still belong to it, in the cloud's unit, (0, inf); None: three times the noise. It stands for the
+        noise where parts are less exact than scans: castings, worn surfaces.
+    max_faces : int, optional
+        Keep at most so many faces, the largest, [1, inf); the points of the others take part in their neighbours'.
+    keep_types : tuple of str, optional
+        Kinds of surfaces that faces may have; None: all of `KINDS`.
+    min_points : int
+        Smaller faces are given to their neighbours, [6, inf): twelve points hardly tell a surface.
+    most_points : int
+        Larger clouds are segmented on so many evenly chosen points, the others then follow, [1000, inf): faces are known well enough
+        from them, and the time stays bounded.
+    """
+
+    tolerance: float | None = None
+    max_faces: int | None = None
+    keep_types: tuple[str, ...] | None = None
+    min_points: int = 12
+    most_points: int = 150_000
+
+    def __post_init__(self) -> None:
+        """Check every range."""
+        if self.tolerance is not None and not 0.0 < self.tolerance < math.inf:
+            raise ParameterError(f"The 'tolerance' of segment_points must be a float in (0, inf). Got {self.tolerance!r} instead.")
+        if self.max_faces is not None and self.max_faces < 1:
+            raise ParameterError(f"The 'max_faces' of segment_points must be an int in [1, inf). Got {self.max_faces!r} instead.")
+        if self.min_points < 6:
+            raise ParameterError(f"The 'min_points' of segment_points must be an int in [6, inf). Got {self.min_points!r} instead.")
+        if self.most_points < 1000:
+            raise ParameterError(f"The 'most_points' of segment_points must be an int in [1000, inf). Got {self.most_points!r} instead.")
+        unknown = [kind for kind in self.keep_types or () if kind not in KINDS]
+        if unknown or self.keep_types == ():
+            raise ParameterError(f"The 'keep_types' of segment_points must be among {', '.join(KINDS)}. Got {self.keep_types!r} instead.")
+
+
+@dataclass(frozen=True)
+class Faces:
+    """Which face every point belongs to, and the surface of each face.
+
+    Attributes
+    ----------
+    label : (N,) int32
+        Face of every point, numbered by falling size; −1 = none.
+    fits : tuple of ShapeFit
+        One a face.
+    smooth : frozenset of (int, int)
+        Pairs (i < j) of neighbouring faces that meet smoothly.
+    notes : tuple of str
+        What the caller should know, one sentence each.
+    """
+
+    label: NDArray[np.int32]
+    fits: tuple[ShapeFit, ...]
+    smooth: frozenset[tuple[int, int]]
+    notes: tuple[str, ...] = ()
+
+
+def segment_points(
+    points: NDArray[np.float64], scale: Scale, edges: Edges, params: SegmentParams, progress: Progress | None = None
+) -> Faces:
+    """Group points into faces.
+
+    Parameters
+    ----------
+    points : (N, 3) float64
+        The cloud's points.
+    scale : Scale
+        What `measure_scale` said of them.
+    edges : Edges
+        The detected edges, for their one-sided normals.
+    params : SegmentParams
+    progress : callable, optional
+        Called with (steps done, steps).
+
+    Notes
+    -----
+    Primitives are grown from seeds where the surface bends evenly, then compete for the points (the energy of PEARL, Isack and Boykov
+    2012: distances and normals, a cost where neighbours differ, a cost a model), are fitted anew and joined where that pays. Time is
+    linear in the points; the result depends on the points and parameters alone.
+    """
+    chosen, part_scale = np.arange(len(points)), scale
+    if len(points) > params.most_points:
+        chosen = np.sort(scale.cells.order[:: -(-len(points) // params.most_points)])
+        part_scale = measure_scale(points[chosen])
+    sheet, one_sided, curvature = _sheet(part_scale, edges.normal[chosen], params)
+    kinds = allowed_kinds(params.keep_types)
+    piece, models = find_primitives(sheet, one_sided, curvature, kinds, params.min_points, progress)
+    group = freeform_groups(sheet, piece, models) if kinds[PATCH] else np.arange(len(models), dtype=np.int32)
+    label = np.empty(len(chosen), np.int32)
+    label[part_scale.cells.order] = piece
+    if len(chosen) < len(points):
+        label = spread_labels(points, label, part_scale, models, sheet)
+    label = np.where(label >= 0, group[label], -1).astype(np.int32)
+    label, members = rank_faces(label, group, params.max_faces)
+    fits = face_fits(points, edges.normal, label, [models[m] for m in members], sheet.sigma * part_scale.h, part_scale.h)
+    return Faces(label=label, fits=fits, smooth=smooth_pairs(points[chosen], label[chosen], fits, part_scale))
+
+
+def _sheet(scale: Scale, normals: NDArray[np.float64], params: SegmentParams) -> tuple[Sheet, NDArray[np.float64], NDArray[np.float64]]:
+    """Return the cloud in units of h with its graph, in the order of the sorted points, its one-sided normals and its curvatures."""
+    cells = scale.cells
+    neighbours, _ = nearest_neighbours(cells, NEIGHBOURS, reach=2.0 * scale.h)
+    local = cells.points / scale.h
+    one_sided = np.ascontiguousarray(normals[cells.order])
+    curvature, smooth_normals = bends(local, one_sided, neighbours)
+    sheet = Sheet(
+        points=local,
+        normals=smooth_normals,
+        neighbours=neighbours,
+        weights=link_weights(smooth_normals, neighbours),
+        sigma=_noise(params, scale) / scale.h,
+        tilt=TILT,
+    )
+    return sheet, one_sided, curvature
+
+
+def allowed_kinds(keep_types: tuple[str, ...] | None) -> NDArray[np.bool_]:
+    """Tell which kinds of models may be tried."""
+    return np.array([keep_types is None or name in keep_types for name in KIND_NAMES], bool)
+
+
+def _noise(params: SegmentParams, scale: Scale) -> float:
+    noise = max(1.05 * scale.noise, LEAST_NOISE * scale.h)
+    return noise if params.tolerance is None else max(params.tolerance / 3.0, noise)

@@ -1,0 +1,100 @@
+"""Joining neighbouring regions that one surface explains as well as two."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scan2nurbs.faces.compete import MODEL_COST, Sheet, grouped
+from scan2nurbs.kernels.refits import misfit, unite_pairs
+
+LEAST_CONTACT = 6
+
+
+def contacts(label: NDArray[np.int32], neighbours: NDArray[np.int32]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int32]]:
+    """List the pairs of neighbouring labels.
+
+    Returns
+    -------
+    pairs : (P, 2) int64
+        Labels i < j with links between them.
+    count : (P,) int64
+        How many links.
+    place : (P,) int32
+        A point on each border.
+    """
+    n = int(label.max(initial=-1)) + 1
+    i = np.repeat(np.arange(len(label)), neighbours.shape[1])
+    j = neighbours.ravel()
+    meet = (j >= 0) & (label[i] >= 0) & (label[j] >= 0) & (label[i] != label[j])
+    i, j = i[meet], j[meet]
+    code = np.minimum(label[i], label[j]).astype(np.int64) * max(n, 1) + np.maximum(label[i], label[j])
+    by_code = np.argsort(code, kind="stable")
+    found, first, count = np.unique(code[by_code], return_index=True, return_counts=True)
+    middle = first + count // 2
+    return np.stack([found // max(n, 1), found % max(n, 1)], axis=1), count, i[by_code][middle].astype(np.int32)
+
+
+def unite(
+    sheet: Sheet, label: NDArray[np.int32], models: NDArray[np.float64], values: NDArray[np.float64], kinds: NDArray[np.bool_]
+) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+    """Join pairs of regions while it pays, the most rewarding first.
+
+    Parameters
+    ----------
+    sheet : Sheet
+    label : (N,) int32
+    models : (M, SIZE) float64
+    values : (M,) float64
+        Criteria of the models on their regions.
+    kinds : (6,) bool
+        Kinds that a joint model may have.
+
+    Returns
+    -------
+    label, models : arrays
+        The joined ones; labels keep gaps.
+    """
+    label, models, values = label.copy(), models.copy(), values.copy()
+    tested: set[tuple[int, int]] = set()
+    for _ in range(12):
+        pairs, count, place = contacts(label, sheet.neighbours)
+        new = np.array([(int(i), int(j)) not in tested for i, j in pairs], bool) & (count >= LEAST_CONTACT)
+        pairs, place = pairs[new], place[new]
+        if not len(pairs):
+            break
+        tested.update((int(i), int(j)) for i, j in pairs)
+        order, starts = grouped(label, len(models))
+        gains, united = np.empty(len(pairs)), np.zeros((len(pairs), models.shape[1]))
+        unite_pairs(
+            sheet.points, sheet.normals, sheet.neighbours, order, starts, pairs, place, kinds, sheet.sigma, models, values, gains, united
+        )
+        changed: set[int] = set()
+        gone: set[int] = set()
+        for p in np.argsort(-gains, kind="stable"):
+            i, j = int(pairs[p, 0]), int(pairs[p, 1])
+            if gains[p] <= -MODEL_COST:
+                break
+            if i in gone or j in gone or (i in changed and j in changed):
+                tested.discard((i, j))
+                continue
+            if i in changed or j in changed:
+                # One of the two has grown meanwhile: it takes the other as it is, where it explains it.
+                i, j = (i, j) if i in changed else (j, i)
+                mine = order[starts[j] : starts[j + 1]]
+                value = misfit(models[i], sheet.points, mine, len(mine), sheet.sigma)
+                if value > values[j] + MODEL_COST:
+                    tested.discard((min(i, j), max(i, j)))
+                    continue
+                values[i] += value
+            else:
+                models[i] = united[p]
+                values[i] += values[j] - gains[p]
+            changed.add(i)
+            gone.add(j)
+            label[label == j] = i
+        touched = changed | gone
+        tested = {pair for pair in tested if pair[0] not in touched and pair[1] not in touched}
+        if not touched:
+            break
+    return label, models

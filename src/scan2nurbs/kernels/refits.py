@@ -1,0 +1,175 @@
+"""Fitting a region anew with every kind of primitive, and choosing the simplest that explains it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from scan2nurbs.kernels.growth import DISTANCE_CAP
+from scan2nurbs.kernels.primitives import CONE, CYLINDER, FREEDOM, PATCH, PLANE, SIZE, SPHERE, TORUS, distance_of, refine
+from scan2nurbs.kernels.runner import kernel
+from scan2nurbs.kernels.starts import best_start, curvatures
+
+MOST = 3000
+START = 120
+PER_PARAMETER = 2.0
+"""What a parameter costs more than by the criterion of Schwarz: borders are never clean, nor is noise quite normal."""
+
+
+@kernel
+def misfit(m, points, index, n, sigma):
+    """Return the robust negative log likelihood of points under a model, of at most `MOST` of them, scaled up."""
+    stride = max(1, n // MOST)
+    total, count = 0.0, 0
+    for k in range(0, n, stride):
+        i = index[k]
+        d, _, _, _ = distance_of(m, points[i, 0], points[i, 1], points[i, 2])
+        t = d / sigma
+        total += min(0.5 * t * t, DISTANCE_CAP)
+        count += 1
+    return total * n / max(count, 1)
+
+
+@kernel
+def criterion(m, points, index, n, sigma):
+    """Return the misfit and what the parameters cost."""
+    return misfit(m, points, index, n, sigma) + FREEDOM[int(m[0])] * (0.5 * np.log(max(n, 2)) + PER_PARAMETER)
+
+
+@kernel
+def refit(points, normals, neighbours, index, n, seed, stamp, mark, kinds, sigma, m):
+    """Fit a region and keep the kind of least criterion in `m`, which comes in as the model so far; return the criterion.
+
+    Parameters
+    ----------
+    points, normals, neighbours : arrays
+    index : (M,) int32
+        The region's points, of which n are read.
+    seed : int
+        A point amid the region, around which new kinds are started.
+    stamp, mark : (N,) int32, int
+        Points that may be part of the start have a stamp of `mark`.
+    kinds : (6,) bool
+        Kinds that may be chosen.
+    sigma : float
+    m : (SIZE,) float64
+    """
+    trial = m.copy()
+    best = np.inf
+    if kinds[int(m[0])]:
+        refine(trial, points, index, n, sigma, 5)
+        best = criterion(trial, points, index, n, sigma)
+        m[:] = trial
+    first = np.empty(START, np.int32)
+    n_first = _start_points(neighbours, seed, stamp, mark, first)
+    bend = np.empty(14)
+    scratch = np.zeros(SIZE)
+    if n_first < 8:
+        return best
+    curvatures(points, first, n_first, scratch, bend)
+    for kind in (PLANE, CYLINDER, SPHERE, CONE, TORUS, PATCH):
+        if not kinds[kind]:
+            continue
+        if kind == PLANE:
+            best_start(kind, bend, points, index, n, sigma, trial)
+        elif kind == PATCH:
+            refine(_as_patch(trial), points, index, n, sigma, 3)
+        else:
+            if not best_start(kind, bend, points, first, n_first, sigma, trial) < np.inf:
+                continue
+            refine(trial, points, index, n, sigma, 10)
+        value = criterion(trial, points, index, n, sigma)
+        if value < best:
+            best = value
+            m[:] = trial
+    return best
+
+
+@kernel
+def _as_patch(m):
+    m[0] = PATCH
+    return m
+
+
+@kernel
+def _start_points(neighbours, seed, stamp, mark, first):
+    """Collect the points about a seed within the region; their stamps are taken away and put back."""
+    first[0] = seed
+    n, head = 1, 0
+    stamp[seed] = mark - 1
+    while head < n < len(first):
+        i = first[head]
+        head += 1
+        for k in range(neighbours.shape[1]):
+            j = neighbours[i, k]
+            if j >= 0 and stamp[j] == mark and n < len(first):
+                stamp[j] = mark - 1
+                first[n] = j
+                n += 1
+    for k in range(n):
+        stamp[first[k]] = mark
+    return n
+
+
+@kernel
+def refit_all(points, normals, neighbours, order, starts, depth, kinds, sigma, models, values):
+    """Refit every region: region l holds order[starts[l]:starts[l + 1]], deepest points first where `depth` is sorted within it."""
+    stamp = np.zeros(len(points), np.int32)
+    for label in range(len(models)):
+        a, b = starts[label], starts[label + 1]
+        if b - a < 6:
+            values[label] = np.inf
+            continue
+        mark = 2 * label + 2
+        n = 0
+        deepest = order[a]
+        for k in range(a, b):
+            stamp[order[k]] = mark
+            if depth[order[k]] > depth[deepest]:
+                deepest = order[k]
+        index = np.empty(b - a, np.int32)
+        for k in range(a, b):
+            if depth[order[k]] >= 2:
+                index[n] = order[k]
+                n += 1
+        if n < 0.4 * (b - a) or n < 12:
+            n = b - a
+            index[:] = order[a:b]
+        refit(points, normals, neighbours, index, n, deepest, stamp, mark, kinds, sigma, models[label])
+        values[label] = criterion(models[label], points, order[a:b], b - a, sigma)
+
+
+@kernel
+def unite_pairs(points, normals, neighbours, order, starts, pairs, seeds, kinds, sigma, models, values, gains, united):
+    """Fit both regions of each pair as one, and tell how much the criteria of the two exceed that of the one."""
+    stamp = np.zeros(len(points), np.int32)
+    for p in range(len(pairs)):
+        i, j = pairs[p, 0], pairs[p, 1]
+        a, b, c, d = starts[i], starts[i + 1], starts[j], starts[j + 1]
+        n = b - a + d - c
+        index = np.empty(n, np.int32)
+        index[: b - a] = order[a:b]
+        index[b - a :] = order[c:d]
+        mark = 2 * p + 2
+        for k in range(n):
+            stamp[index[k]] = mark
+        gains[p] = -np.inf
+        best = np.inf
+        m = models[i].copy()
+        before = values[i] + values[j]
+        # Whatever one surface explains, one of the two models nearly does: unless both are small, try no new kinds.
+        for start in (i, j):
+            m[:] = models[start]
+            if not kinds[int(m[0])]:
+                continue
+            refine(m, points, index, n, sigma, 6)
+            value = criterion(m, points, index, n, sigma)
+            if value < best:
+                best = value
+                united[p] = m
+        if best < before + 3.0 * n or n < 400:
+            m[:] = models[i]
+            value = refit(points, normals, neighbours, index, n, seeds[p], stamp, mark, kinds, sigma, m)
+            if value < best:
+                best = value
+                united[p] = m
+        gains[p] = before - best

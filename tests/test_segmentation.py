@@ -1,0 +1,176 @@
+"""Segmentation of whole parts: truth on small bodies, properties, and what cannot be segmented."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import linear_sum_assignment
+
+from scan2nurbs.edges.detect import detect
+from scan2nurbs.edges.params import EdgeParams
+from scan2nurbs.errors import ParameterError
+from scan2nurbs.faces.segmentation import Faces, SegmentParams, segment_points
+from scan2nurbs.scale import measure_scale
+
+NOISE = 0.25
+
+
+def rectangle(rng, origin, a, b):
+    """Points, one per unit of area in a jittered grid, on the parallelogram of sides a and b."""
+    a, b = np.asarray(a, float), np.asarray(b, float)
+    u, v = np.meshgrid(np.arange(0.5, np.linalg.norm(a)), np.arange(0.5, np.linalg.norm(b)), indexing="ij")
+    u, v = u + rng.uniform(-0.25, 0.25, u.shape), v + rng.uniform(-0.25, 0.25, v.shape)
+    return np.asarray(origin, float) + u.reshape(-1, 1) * a / np.linalg.norm(a) + v.reshape(-1, 1) * b / np.linalg.norm(b)
+
+
+def rounded_step(rng, radius=12.0, size=40.0):
+    """Two planes at right angles, joined by a quarter of a cylinder that both are tangent to."""
+    low = rectangle(rng, [radius, 0, 0], [size, 0, 0], [0, size, 0])
+    high = rectangle(rng, [0, 0, radius], [0, 0, size], [0, size, 0])
+    flat = rectangle(rng, [0, 0, 0], [radius * np.pi / 2, 0, 0], [0, size, 0])
+    angle = flat[:, 0] / radius
+    bend = np.c_[radius - radius * np.sin(angle), flat[:, 1], radius - radius * np.cos(angle)]
+    return _noisy(rng, [low, high, bend])
+
+
+def box(rng, size=(36.0, 30.0, 24.0)):
+    """The six faces of a box."""
+    x, y, z = np.diag(size)
+    faces = []
+    for a, b, c in ((x, y, z), (y, z, x), (z, x, y)):
+        faces += [rectangle(rng, np.zeros(3), a, b), rectangle(rng, c, a, b)]
+    return _noisy(rng, faces)
+
+
+def _noisy(rng, faces):
+    points = np.concatenate(faces)
+    truth = np.repeat(np.arange(len(faces)), [len(f) for f in faces])
+    order = rng.permutation(len(points))
+    return (points + rng.normal(scale=NOISE, size=points.shape))[order], truth[order]
+
+
+def segment(points, **params) -> Faces:
+    scale = measure_scale(points)
+    return segment_points(points, scale, detect(points, scale, EdgeParams()), SegmentParams(**params))
+
+
+def mean_iou(truth, label):
+    table = np.zeros((truth.max() + 1, label.max() + 1))
+    np.add.at(table, (truth[label >= 0], label[label >= 0]), 1)
+    union = np.bincount(truth)[:, None] + table.sum(axis=0)[None] - table
+    rows, columns = linear_sum_assignment(-table / union)
+    return (table / union)[rows, columns].sum() / len(table)
+
+
+@pytest.fixture(scope="module")
+def step():
+    points, truth = rounded_step(np.random.default_rng(1))
+    return points, truth, segment(points)
+
+
+def test_box_is_six_planes():
+    points, truth = box(np.random.default_rng(0))
+    faces = segment(points)
+    assert len(faces.fits) == 6
+    assert {fit.shape.kind for fit in faces.fits} == {"plane"}
+    assert mean_iou(truth, faces.label) > 0.93
+    assert faces.smooth == frozenset()
+
+
+def test_tangent_cylinder_is_told_from_its_planes(step):
+    points, truth, faces = step
+    assert sorted(fit.shape.kind for fit in faces.fits) == ["cylinder", "plane", "plane"]
+    assert mean_iou(truth, faces.label) > 0.85
+    radius = next(fit.shape.radius for fit in faces.fits if fit.shape.kind == "cylinder")
+    assert radius == pytest.approx(12.0, rel=0.1)
+    assert len(faces.smooth) == 2
+
+
+def test_faces_are_numbered_by_falling_size(step):
+    _, _, faces = step
+    size = np.bincount(faces.label[faces.label >= 0])
+    assert (np.diff(size) <= 0).all()
+    assert [fit.n_points for fit in faces.fits] == size.tolist()
+
+
+def test_same_points_same_faces(step):
+    points, _, faces = step
+    again = segment(points)
+    np.testing.assert_array_equal(again.label, faces.label)
+
+
+def test_units_do_not_matter(step):
+    points, _, faces = step
+    scaled = segment(points * 1024.0)
+    assert np.mean(scaled.label == faces.label) > 0.99
+
+
+def test_planes_that_lie_apart_are_two_faces():
+    rng = np.random.default_rng(3)
+    points, _ = _noisy(rng, [rectangle(rng, [0, 0, 0], [25, 0, 0], [0, 25, 0]), rectangle(rng, [40, 0, 0], [25, 0, 0], [0, 25, 0])])
+    faces = segment(points)
+    assert len(faces.fits) == 2
+
+
+def test_whole_cylinder_is_one_face():
+    rng = np.random.default_rng(4)
+    flat = rectangle(rng, [0, 0, 0], [2 * np.pi * 15, 0, 0], [0, 40, 0])
+    angle = flat[:, 0] / 15
+    points, _ = _noisy(rng, [np.c_[15 * np.cos(angle), 15 * np.sin(angle), flat[:, 1]]])
+    faces = segment(points)
+    assert [fit.shape.kind for fit in faces.fits] == ["cylinder"]
+    assert faces.fits[0].shape.radius == pytest.approx(15.0, rel=0.01)
+
+
+def test_outliers_belong_to_no_face():
+    rng = np.random.default_rng(5)
+    points, _ = box(rng)
+    far = rng.uniform(-60, 90, (40, 3))
+    faces = segment(np.r_[points, far])
+    assert len(faces.fits) == 6
+    assert np.mean(faces.label[len(points) :] < 0) > 0.7
+
+
+def test_only_the_kinds_asked_for(step):
+    points, _, _ = step
+    faces = segment(points, keep_types=("plane",))
+    assert {fit.shape.kind for fit in faces.fits} == {"plane"}
+
+
+def test_at_most_so_many_faces(step):
+    points, _, _ = step
+    faces = segment(points, max_faces=2)
+    assert len(faces.fits) == 2
+    assert faces.label.max() == 1
+
+
+def test_large_clouds_follow_their_thinned_selves(step):
+    points, truth, _ = step
+    faces = segment(points, most_points=2500)
+    assert len(faces.fits) == 3
+    assert mean_iou(truth, faces.label) > 0.8
+
+
+@pytest.mark.parametrize("n", [3, 4, 12])
+def test_few_points_are_no_crash(n):
+    points = np.random.default_rng(n).normal(size=(n, 3))
+    faces = segment(points)
+    assert len(faces.label) == n
+    assert len(faces.fits) == faces.label.max() + 1
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"tolerance": 0.0},
+        {"tolerance": float("nan")},
+        {"max_faces": 0},
+        {"min_points": 5},
+        {"most_points": 10},
+        {"keep_types": ()},
+        {"keep_types": ("plane", "ball")},
+    ],
+)
+def test_parameters_are_checked(wrong):
+    with pytest.raises(ParameterError, match="segment_points"):
+        SegmentParams(**wrong)
