@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scan2nurbs.brep.curve import fit_curve
 from scan2nurbs.brep.meeting import Meeting
 from scan2nurbs.brep.space import SpaceCurve, lay_curve, simple_curve
+from scan2nurbs.faces.topology import Border
 from scan2nurbs.surfaces.shape import Shape, unit
 
 Floats = NDArray[np.float64]
@@ -72,7 +73,7 @@ class _Guide:
 
 
 def lay_borders(
-    borders: Sequence[Any], vertices: Floats, shapes: Sequence[Shape], h: float, caution: Sequence[int] | None = None
+    borders: Sequence[Border], vertices: Floats, shapes: Sequence[Shape], h: float, caution: Sequence[int] | None = None
 ) -> tuple[list[BorderCurve], Floats]:
     """Lay a curve along every border, and the vertices where the surfaces and the curves that meet there agree.
 
@@ -100,7 +101,7 @@ def lay_borders(
     return [_lay(border, guide, placed, h) for border, guide in zip(borders, guides, strict=True)], placed
 
 
-def _guide(border: Any, shapes: Sequence[Shape], h: float, caution: int) -> _Guide:
+def _guide(border: Border, shapes: Sequence[Shape], h: float, caution: int) -> _Guide:
     closed = border.vertices[0] < 0
     meeting = Meeting(tuple(shapes[f] for f in border.faces if f >= 0), h)
     points = _even(_smoothed(np.asarray(border.points, np.float64), closed), h)
@@ -181,7 +182,7 @@ def _ordered(points: Floats, along: Floats, closed: bool, h: float) -> Floats:
     return points
 
 
-def _place_vertices(borders: Sequence[Any], guides: Sequence[_Guide], vertices: Floats, shapes: Sequence[Shape], h: float) -> Floats:
+def _place_vertices(borders: Sequence[Border], guides: Sequence[_Guide], vertices: Floats, shapes: Sequence[Shape], h: float) -> Floats:
     """Move each vertex to where the surfaces around it meet; lines of contact and drawn curves decide what they leave open."""
     ends: list[list[tuple[int, int]]] = [[] for _ in range(len(vertices))]
     for k, border in enumerate(borders):
@@ -224,7 +225,7 @@ def _vertex(start: Floats, shapes: list[Shape], guides: list[_Guide], h: float, 
     return at
 
 
-def _lay(border: Any, guide: _Guide, vertices: Floats, h: float) -> BorderCurve:
+def _lay(border: Border, guide: _Guide, vertices: Floats, h: float) -> BorderCurve:
     closed = border.vertices[0] < 0
     points = guide.points
     if not closed:

@@ -241,7 +241,7 @@ def pcurve(layout: Layout, piece: Piece, scale: float) -> tuple[Any, float]:
         kernel = np.array([piece.curve.in_kernel(x, scale) for x in (t[0], t[-1])])
         gap = np.linalg.norm(layout.chart.point(straight) - piece.curve(t), axis=1).max()
         return Geom2d_BSplineCurve(to_points(uv[[0, -1]]), *to_knots(np.repeat(kernel, 2)), 1), float(gap)
-    for _ in range(5):
+    while True:
         made = make_interp_spline(t, uv, k=3)
         middles = 0.5 * (t[:-1] + t[1:])
         space = piece.curve(middles)
@@ -272,5 +272,5 @@ def steps_of(layout: Layout, loop: Sequence[tuple[int, bool]], pieces: Sequence[
     for number, forward in loop:
         piece = pieces[number]
         uv = _tidy(layout, layout.within(layout.chart.uv(piece.curve(piece.samples()))))
-        steps.append(Step(number, forward, uv, piece.nodes if forward else piece.nodes[::-1]))
+        steps.append(Step(number, forward, uv, piece.nodes if forward else (piece.nodes[1], piece.nodes[0])))
     return steps
