@@ -1,7 +1,7 @@
 """Whole parts on shared edges: simple bodies whose volume is known, with borders as noisy as those read off a scan."""
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
@@ -39,7 +39,7 @@ class Body:
     borders: tuple
     outward: tuple
     points: np.ndarray
-    vertices: np.ndarray = np.empty((0, 3))
+    vertices: np.ndarray = field(default_factory=lambda: np.empty((0, 3)))
 
     def build(self, noise=0.0, rng=None):
         scale = measure_scale(self.points)

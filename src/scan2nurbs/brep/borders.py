@@ -27,6 +27,7 @@ _GUIDE, _CONTACT = 0.05, 0.3
 _DRIFT = 3.0
 _KEEP_END = 0.08
 _AIM = 0.94
+_SHORTEST = 0.02
 
 
 @dataclass(frozen=True)
@@ -229,7 +230,11 @@ def _lay(border: Border, guide: _Guide, vertices: Floats, h: float) -> BorderCur
     closed = border.vertices[0] < 0
     points = guide.points
     if not closed:
-        points = _between(guide, *_ends(guide, vertices[list(border.vertices)], h))
+        first, last = _ends(guide, vertices[list(border.vertices)], h)
+        if border.vertices[0] != border.vertices[1] and np.linalg.norm(last - first) < _SHORTEST * h:
+            first, last = border.points[0], border.points[-1]
+        points = _between(guide, first, last)
+    points = _distinct(points, h)
     curve = simple_curve(points, closed, _SIMPLE[guide.mode] * h, _KEEP_END * h) if guide.caution < 2 else None
     if curve is None:
         curve = lay_curve(_thinned(points, 2.0 * h), closed=closed, tolerance=_STRAY[guide.mode] * h, draw=_drawing(guide))
@@ -237,7 +242,7 @@ def _lay(border: Border, guide: _Guide, vertices: Floats, h: float) -> BorderCur
     sine = float(np.median(guide.meeting.sine(samples)))
     angle = 180.0 if min(border.faces) < 0 else float(np.degrees(np.arcsin(min(sine, 1.0))))
     gap = float(guide.meeting.gap(samples).max())
-    return BorderCurve(curve, tuple(border.faces), tuple(border.vertices), MODES[guide.mode], gap, angle)
+    return BorderCurve(curve, border.faces, border.vertices, MODES[guide.mode], gap, angle)
 
 
 def _drawing(guide: _Guide) -> Any:
@@ -282,6 +287,17 @@ def _between(guide: _Guide, first: Floats, last: Floats) -> Floats:
                 break
             inner, steps = (inner[1:], steps[1:]) if sign > 0 else (inner[:-1], steps[:-1])
     return np.vstack([first, inner, last])
+
+
+def _distinct(points: Floats, h: float) -> Floats:
+    """Leave out points that repeat the one before them, or the last; the ends stay, moved apart if they are all there is."""
+    kept = np.r_[True, np.linalg.norm(np.diff(points, axis=0), axis=1) > 1e-6 * h]
+    kept[-1] = True
+    kept[1:-1] &= np.linalg.norm(points[1:-1] - points[-1], axis=1) > 1e-6 * h
+    points = points[kept]
+    if len(points) == 2 and np.linalg.norm(points[1] - points[0]) <= 1e-6 * h:
+        points = points + np.array([[-0.5], [0.5]]) * _SHORTEST * h / np.sqrt(3.0)
+    return points
 
 
 def _thinned(points: Floats, spacing: float) -> Floats:

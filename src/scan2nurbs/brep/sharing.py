@@ -24,6 +24,7 @@ Floats = NDArray[np.float64]
 _SAMPLES = 24
 _MOST = 384
 _STRAIGHT = 1e-9
+_MARGIN = 1.25
 
 
 @dataclass(frozen=True)
@@ -116,7 +117,7 @@ class KernelPart:
         if piece.border not in self._geometries:
             self._geometries[piece.border] = piece.curve.geometry(self.scale)
         edge = TopoDS_Edge()
-        tolerance = max(self.least, 1.01 * piece.gap * self.scale)
+        tolerance = max(self.least, _MARGIN * piece.gap * self.scale)
         self.build.MakeEdge(edge, self._geometries[piece.border], tolerance)
         ends = piece.curve(np.array(piece.domain))
         for node, end, side in zip(piece.nodes, ends, (TopAbs_FORWARD, TopAbs_REVERSED), strict=True):
@@ -138,7 +139,7 @@ class KernelPart:
         edge, piece = self.edges[step.piece], self.pieces[step.piece]
         if layout.chart.period[0] is not None or not _is_plane(layout.chart):
             curve, gap = pcurve(layout, piece, self.scale)
-            tolerance = max(self.least, 1.01 * gap * self.scale)
+            tolerance = max(self.least, _MARGIN * gap * self.scale)
             self.build.UpdateEdge(edge, curve, geometry, TopLoc_Location(), tolerance)
             for node in piece.nodes:
                 self.build.UpdateVertex(self.vertices[node], 1.01 * tolerance)
