@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scan2nurbs.brep.curve import fit_curve
 from scan2nurbs.brep.meeting import Meeting
 from scan2nurbs.brep.space import SpaceCurve, lay_curve, simple_curve
+from scan2nurbs.faces.topology import Border
 from scan2nurbs.surfaces.shape import Shape, unit
 
 Floats = NDArray[np.float64]
@@ -26,6 +27,7 @@ _GUIDE, _CONTACT = 0.05, 0.3
 _DRIFT = 3.0
 _KEEP_END = 0.08
 _AIM = 0.94
+_SHORTEST = 0.02
 
 
 @dataclass(frozen=True)
@@ -72,7 +74,7 @@ class _Guide:
 
 
 def lay_borders(
-    borders: Sequence[Any], vertices: Floats, shapes: Sequence[Shape], h: float, caution: Sequence[int] | None = None
+    borders: Sequence[Border], vertices: Floats, shapes: Sequence[Shape], h: float, caution: Sequence[int] | None = None
 ) -> tuple[list[BorderCurve], Floats]:
     """Lay a curve along every border, and the vertices where the surfaces and the curves that meet there agree.
 
@@ -100,7 +102,7 @@ def lay_borders(
     return [_lay(border, guide, placed, h) for border, guide in zip(borders, guides, strict=True)], placed
 
 
-def _guide(border: Any, shapes: Sequence[Shape], h: float, caution: int) -> _Guide:
+def _guide(border: Border, shapes: Sequence[Shape], h: float, caution: int) -> _Guide:
     closed = border.vertices[0] < 0
     meeting = Meeting(tuple(shapes[f] for f in border.faces if f >= 0), h)
     points = _even(_smoothed(np.asarray(border.points, np.float64), closed), h)
@@ -181,7 +183,7 @@ def _ordered(points: Floats, along: Floats, closed: bool, h: float) -> Floats:
     return points
 
 
-def _place_vertices(borders: Sequence[Any], guides: Sequence[_Guide], vertices: Floats, shapes: Sequence[Shape], h: float) -> Floats:
+def _place_vertices(borders: Sequence[Border], guides: Sequence[_Guide], vertices: Floats, shapes: Sequence[Shape], h: float) -> Floats:
     """Move each vertex to where the surfaces around it meet; lines of contact and drawn curves decide what they leave open."""
     ends: list[list[tuple[int, int]]] = [[] for _ in range(len(vertices))]
     for k, border in enumerate(borders):
@@ -224,11 +226,15 @@ def _vertex(start: Floats, shapes: list[Shape], guides: list[_Guide], h: float, 
     return at
 
 
-def _lay(border: Any, guide: _Guide, vertices: Floats, h: float) -> BorderCurve:
+def _lay(border: Border, guide: _Guide, vertices: Floats, h: float) -> BorderCurve:
     closed = border.vertices[0] < 0
     points = guide.points
     if not closed:
-        points = _between(guide, *_ends(guide, vertices[list(border.vertices)], h))
+        first, last = _ends(guide, vertices[list(border.vertices)], h)
+        if border.vertices[0] != border.vertices[1] and np.linalg.norm(last - first) < _SHORTEST * h:
+            first, last = border.points[0], border.points[-1]
+        points = _between(guide, first, last)
+    points = _distinct(points, h)
     curve = simple_curve(points, closed, _SIMPLE[guide.mode] * h, _KEEP_END * h) if guide.caution < 2 else None
     if curve is None:
         curve = lay_curve(_thinned(points, 2.0 * h), closed=closed, tolerance=_STRAY[guide.mode] * h, draw=_drawing(guide))
@@ -236,7 +242,7 @@ def _lay(border: Any, guide: _Guide, vertices: Floats, h: float) -> BorderCurve:
     sine = float(np.median(guide.meeting.sine(samples)))
     angle = 180.0 if min(border.faces) < 0 else float(np.degrees(np.arcsin(min(sine, 1.0))))
     gap = float(guide.meeting.gap(samples).max())
-    return BorderCurve(curve, tuple(border.faces), tuple(border.vertices), MODES[guide.mode], gap, angle)
+    return BorderCurve(curve, border.faces, border.vertices, MODES[guide.mode], gap, angle)
 
 
 def _drawing(guide: _Guide) -> Any:
@@ -281,6 +287,17 @@ def _between(guide: _Guide, first: Floats, last: Floats) -> Floats:
                 break
             inner, steps = (inner[1:], steps[1:]) if sign > 0 else (inner[:-1], steps[:-1])
     return np.vstack([first, inner, last])
+
+
+def _distinct(points: Floats, h: float) -> Floats:
+    """Leave out points that repeat the one before them, or the last; the ends stay, moved apart if they are all there is."""
+    kept = np.r_[True, np.linalg.norm(np.diff(points, axis=0), axis=1) > 1e-6 * h]
+    kept[-1] = True
+    kept[1:-1] &= np.linalg.norm(points[1:-1] - points[-1], axis=1) > 1e-6 * h
+    points = points[kept]
+    if len(points) == 2 and np.linalg.norm(points[1] - points[0]) <= 1e-6 * h:
+        points = points + np.array([[-0.5], [0.5]]) * _SHORTEST * h / np.sqrt(3.0)
+    return points
 
 
 def _thinned(points: Floats, spacing: float) -> Floats:

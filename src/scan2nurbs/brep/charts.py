@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scan2nurbs.brep.occ import kernel_errors, to_surface
 from scan2nurbs.brep.seam import roll
 from scan2nurbs.brep.wide import WideSpline
+from scan2nurbs.errors import NoResultError
 from scan2nurbs.surfaces.bspline import BSplineSurface
 from scan2nurbs.surfaces.shape import Shape, perpendicular, unit
 
@@ -198,8 +199,12 @@ class SplineChart:
 
     @property
     def poles(self) -> tuple[float | None, float | None]:
-        """No poles: fitted surfaces have none."""
-        return None, None
+        """Where all control points of the first or the last row in v are one."""
+        control = self.surface.control_points
+        size = 1e-9 * float(np.ptp(control.reshape(-1, 3), axis=0).max())
+        low, high = (bool(np.ptp(control[:, end], axis=0).max() <= size) for end in (0, -1))
+        v = self.surface.domain[1]
+        return (v[0] if low else None), (v[1] if high else None)
 
     def uv(self, points: Floats) -> Floats:
         """Return the parameters (N, 2) of the feet of points."""
@@ -252,4 +257,6 @@ def chart_of(shape: Shape, scale: float, *, towards: Floats | None = None) -> Ch
         return AxisChart("sphere", s.center, perpendicular(axis)[0], axis, (s.radius,), scale)
     if s.kind == "torus":
         return AxisChart("torus", s.center, perpendicular(s.axis)[0], s.axis, (s.major, s.minor), scale)
+    if not isinstance(getattr(s, "surface", None), BSplineSurface):
+        raise NoResultError(f"A {s.kind} without a border cannot be made.")
     return SplineChart(s.surface, scale)

@@ -65,7 +65,7 @@ def check(shape: Any) -> ModelCheck:
 
     silence()
     with kernel_errors("analyse the shape"):
-        valid = is_valid(shape) and _is_valid_meshed(shape)
+        valid = is_valid(shape) and is_valid_meshed(shape)
         faces, edges = ShapeMap(), EdgeMap()
         TopExp.MapShapes_s(shape, TopAbs_FACE, faces)
         TopExp.MapShapesAndAncestors_s(shape, TopAbs_EDGE, TopAbs_FACE, edges)
@@ -103,7 +103,8 @@ def is_valid(shape: Any) -> bool:
         return bool(BRepCheck_Analyzer(shape, True).IsValid())
 
 
-def _is_valid_meshed(shape: Any) -> bool:
+def is_valid_meshed(shape: Any) -> bool:
+    """Return whether a shape can be triangulated, and the kernel's analysis finds nothing wrong with it then."""
     from OCP.Bnd import Bnd_Box
     from OCP.BRepBndLib import BRepBndLib
     from OCP.BRepBuilderAPI import BRepBuilderAPI_Copy

@@ -151,8 +151,9 @@ def _root(chart: Chart, axis: int, curve: BorderCurve, t: tuple[float, float], t
         return turn + round(middle - turn) - line
 
     if off(t[0]) * off(t[1]) > 0:
-        return float(np.interp(line, *zip(*sorted(zip(turns, t, strict=True)), strict=True)))
-    return float(brentq(off, t[0], t[1], xtol=1e-15 * max(1.0, abs(t[1])), rtol=1e-14))
+        share = (line - turns[0]) / (turns[1] - turns[0])
+        return float(t[0] + share * (t[1] - t[0]))
+    return float(brentq(off, t[0], t[1], xtol=1e-15 * max(1.0, abs(t[1]))))  # type: ignore[arg-type]
 
 
 def _area(uv: Floats) -> float:
@@ -174,7 +175,7 @@ def _best_seam(
     at = np.vstack(vertices)
     uv = chart.uv(at) if len(at) else np.empty((0, 2))
     step = 1e-4 * period
-    stretch = np.linalg.norm(chart.point(uv + [step, 0.0]) - chart.point(uv), axis=1) / step if len(at) else np.empty(0)
+    stretch = np.linalg.norm(chart.point(uv + np.array([step, 0.0])) - chart.point(uv), axis=1) / step if len(at) else np.empty(0)
     places = np.unique(uv[:, 0])
     gaps = np.append(places, places[:1] + period) if len(places) else start + period * np.arange(9) / 8
     candidates = np.concatenate([start + period * np.arange(8) / 8, places, start + (0.5 * (gaps[:-1] + gaps[1:]) - start) % period])

@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scan2nurbs.brep.borders import BorderCurve
-from scan2nurbs.brep.check import ModelCheck, check, is_valid
+from scan2nurbs.brep.check import check
 from scan2nurbs.brep.deviation import deviation
 from scan2nurbs.brep.face import kernel_scale
-from scan2nurbs.brep.occ import KernelError, silence
+from scan2nurbs.brep.occ import silence
 from scan2nurbs.brep.shared import SharedFaces, trim_faces
 from scan2nurbs.brep.solids import assemble, volume
 from scan2nurbs.errors import NoResultError
+from scan2nurbs.faces.topology import Border, Fitted, Loop, Topology
 from scan2nurbs.kernels.runner import Progress
 from scan2nurbs.scale import Scale
 
@@ -136,8 +137,8 @@ class PartModel:
 
 def build_part(
     points: Floats,
-    fits: Sequence[Any],
-    topology: Any,
+    fits: Sequence[Fitted],
+    topology: Topology,
     scale: Scale,
     params: PartParams | None = None,
     progress: Progress | None = None,
@@ -177,7 +178,7 @@ def build_part(
 
 
 def _trimmed(
-    shapes: list[Any], topology: Any, h: float, factor: float, params: PartParams, tell: Progress
+    shapes: list[Any], topology: Topology, h: float, factor: float, params: PartParams, tell: Progress
 ) -> tuple[SharedFaces, list[int], list[str]]:
     """Trim the faces; where some fail, their borders are laid anew, closer to the points that they came from."""
     caution = [0] * len(topology.borders)
@@ -199,7 +200,7 @@ def _trimmed(
 
 
 def _completed(
-    made: SharedFaces, shapes: list[Any], topology: Any, h: float, factor: float, caution: list[int], notes: list[str]
+    made: SharedFaces, shapes: list[Any], topology: Topology, h: float, factor: float, caution: list[int], notes: list[str]
 ) -> tuple[list[tuple[Any, ...]], list[str]]:
     """Give faces that failed an outline of their own."""
     faces, how = list(made.faces), []
@@ -215,10 +216,11 @@ def _completed(
     return faces, how
 
 
-def _alone(f: int, shapes: list[Any], topology: Any, h: float, factor: float) -> tuple[Any, ...]:
-    borders, loops = [], []
+def _alone(f: int, shapes: list[Any], topology: Topology, h: float, factor: float) -> tuple[Any, ...]:
+    borders: list[Border] = []
+    loops: list[Loop] = []
     for loop in topology.loops[f]:
-        path = []
+        path: list[tuple[int, bool]] = []
         for k, forward in loop:
             border = topology.borders[k]
             path.append((len(borders), forward))
@@ -238,7 +240,7 @@ def _alone(f: int, shapes: list[Any], topology: Any, h: float, factor: float) ->
 def _model(
     points: Floats,
     shapes: list[Any],
-    topology: Any,
+    topology: Topology,
     made: SharedFaces,
     faces: list[tuple[Any, ...]],
     how: list[str],

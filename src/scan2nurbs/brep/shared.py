@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 
 from scan2nurbs.brep.borders import BorderCurve, lay_borders
 from scan2nurbs.brep.charts import chart_of
-from scan2nurbs.brep.check import is_valid
+from scan2nurbs.brep.check import is_valid, is_valid_meshed
 from scan2nurbs.brep.layout import Layout, cuts, lay_out
 from scan2nurbs.brep.occ import kernel_errors
 from scan2nurbs.brep.regions import regions
 from scan2nurbs.brep.sharing import KernelPart, Piece, steps_of
 from scan2nurbs.brep.wide import widened
 from scan2nurbs.errors import NoResultError
+from scan2nurbs.faces.topology import Topology
 from scan2nurbs.surfaces.shape import Shape
 
 Floats = NDArray[np.float64]
@@ -54,7 +55,7 @@ class _Work:
     failures: dict[int, str] = field(default_factory=dict)
 
 
-def trim_faces(shapes: Sequence[Shape], topology: Any, h: float, scale: float, caution: Sequence[int] | None = None) -> SharedFaces:
+def trim_faces(shapes: Sequence[Shape], topology: Topology, h: float, scale: float, caution: Sequence[int] | None = None) -> SharedFaces:
     """Trim the faces of a topology along curves that are laid once a border.
 
     Parameters
@@ -89,10 +90,12 @@ def trim_faces(shapes: Sequence[Shape], topology: Any, h: float, scale: float, c
     for f, made in enumerate(faces):
         if made and not all(is_valid(face) for face in made):
             work.failures[f] = "The CAD kernel's check finds it invalid."
+        elif made and not all(is_valid_meshed(face) for face in made):
+            work.failures[f] = "It cannot be triangulated."
     return SharedFaces(tuple(tuple(made) for made in faces), work.failures, tuple(work.curves))
 
 
-def _border_points(topology: Any, f: int) -> Floats:
+def _border_points(topology: Topology, f: int) -> Floats:
     return np.vstack([np.empty((0, 3)), *(topology.borders[k].points for loop in topology.loops[f] for k, _ in loop)])
 
 
@@ -109,7 +112,7 @@ def _layout(work: _Work, shape: Shape, loops: list[Any], f: int, h: float, scale
     return layout
 
 
-def _loops(topology: Any, f: int) -> list[tuple[tuple[int, bool], ...]]:
+def _loops(topology: Topology, f: int) -> list[tuple[tuple[int, bool], ...]]:
     loops = topology.loops[f]
     if topology.outward[f] > 0:
         return list(loops)
@@ -135,30 +138,32 @@ def _cut(work: _Work) -> None:
         vertices.append(point)
         return len(vertices) - 1
 
-    for k, border in enumerate(work.curves):
-        marks = sorted(work.marks[k])
+    for k in range(len(work.curves)):
+        border, at = _started(work.curves[k], sorted(work.marks[k]))
+        work.curves[k] = border
+        nodes = [vertex(point) for point in border.curve(np.array(at))] if at else []
+        first, last = border.vertices
         if border.closed:
-            if marks:
-                points = border.curve(np.array(marks[1:])) if len(marks) > 1 else []
-                curve = border.curve.started_at(marks[0])
-                work.curves[k] = border = replace(border, curve=curve)
-                marks = [
-                    t - marks[0] if border.curve.kind == "circle" else _nearest(border.curve, p)
-                    for t, p in zip(marks[1:], points, strict=True)
-                ]
-            low, high = border.curve.domain
-            at = [low, *sorted(marks), high]
-            nodes = [vertex(border.curve(np.array([t]))[0]) for t in at[:-1]]
-            nodes.append(nodes[0])
-        else:
-            at = [border.curve.domain[0], *marks, border.curve.domain[1]]
-            nodes = [border.vertices[0], *(vertex(border.curve(np.array([t]))[0]) for t in marks), border.vertices[1]]
+            first = last = vertex(border.curve(np.array(border.curve.domain[:1]))[0])
+        places = [border.curve.domain[0], *at, border.curve.domain[1]]
+        ends = [first, *nodes, last]
         numbers = []
-        for i in range(len(at) - 1):
+        for i in range(len(places) - 1):
             numbers.append(len(work.pieces))
-            work.pieces.append(Piece(k, border.curve, (at[i], at[i + 1]), (nodes[i], nodes[i + 1]), border.gap))
+            work.pieces.append(Piece(k, border.curve, (places[i], places[i + 1]), (ends[i], ends[i + 1]), border.gap))
         work.of_border.append(numbers)
     work.vertices = np.array(vertices).reshape(-1, 3)
+
+
+def _started(border: BorderCurve, marks: list[float]) -> tuple[BorderCurve, list[float]]:
+    """Let a ring start at the first of its marks; return it with the others, in order."""
+    if not border.closed or not marks:
+        return border, marks
+    curve = border.curve.started_at(marks[0])
+    if border.curve.kind == "circle":
+        return replace(border, curve=curve), [t - marks[0] for t in marks[1:]]
+    points = border.curve(np.array(marks[1:]))
+    return replace(border, curve=curve), sorted(_nearest(curve, point) for point in points)
 
 
 def _axis(shape: Any, loops: Any, curves: Sequence[BorderCurve]) -> Floats | None:
@@ -185,7 +190,7 @@ def _axis(shape: Any, loops: Any, curves: Sequence[BorderCurve]) -> Floats | Non
 
 
 def _nearest(curve: Any, point: Floats) -> float:
-    t = np.linspace(*curve.domain, 4096)
+    t = np.linspace(curve.domain[0], curve.domain[1], 4096)
     for _ in range(4):
         k = int(np.argmin(np.linalg.norm(curve(t) - point, axis=1)))
         t = np.linspace(t[max(k - 1, 0)], t[min(k + 1, len(t) - 1)], 64)

@@ -24,6 +24,7 @@ Floats = NDArray[np.float64]
 _SAMPLES = 24
 _MOST = 384
 _STRAIGHT = 1e-9
+_MARGIN = 1.25
 
 
 @dataclass(frozen=True)
@@ -87,7 +88,7 @@ class KernelPart:
         face = TopoDS_Face()
         geometry = layout.chart.geometry()
         self.build.MakeFace(face, geometry, self.least)
-        seams: dict[tuple[int, float, float], Any] = {}
+        seams: dict[tuple[int, int, int], Any] = {}
         extra: dict[int, Any] = {}
         for parts in wires:
             wire = TopoDS_Wire()
@@ -116,7 +117,7 @@ class KernelPart:
         if piece.border not in self._geometries:
             self._geometries[piece.border] = piece.curve.geometry(self.scale)
         edge = TopoDS_Edge()
-        tolerance = max(self.least, 1.01 * piece.gap * self.scale)
+        tolerance = max(self.least, _MARGIN * piece.gap * self.scale)
         self.build.MakeEdge(edge, self._geometries[piece.border], tolerance)
         ends = piece.curve(np.array(piece.domain))
         for node, end, side in zip(piece.nodes, ends, (TopAbs_FORWARD, TopAbs_REVERSED), strict=True):
@@ -138,17 +139,17 @@ class KernelPart:
         edge, piece = self.edges[step.piece], self.pieces[step.piece]
         if layout.chart.period[0] is not None or not _is_plane(layout.chart):
             curve, gap = pcurve(layout, piece, self.scale)
-            tolerance = max(self.least, 1.01 * gap * self.scale)
+            tolerance = max(self.least, _MARGIN * gap * self.scale)
             self.build.UpdateEdge(edge, curve, geometry, TopLoc_Location(), tolerance)
             for node in piece.nodes:
                 self.build.UpdateVertex(self.vertices[node], 1.01 * tolerance)
         return edge.Oriented(TopAbs_FORWARD if step.forward else TopAbs_REVERSED)
 
-    def _side(self, chart: Chart, geometry: Any, side: Side, seams: dict[tuple[int, float, float], Any], extra: dict[int, Any]) -> Any:
+    def _side(self, chart: Chart, geometry: Any, side: Side, seams: dict[tuple[int, int, int], Any], extra: dict[int, Any]) -> Any:
         """Return a stretch of seam, made when it is first passed, or the edge that a pole is."""
         from OCP.TopAbs import TopAbs_FORWARD, TopAbs_REVERSED
 
-        key = (side.axis, side.low, side.top)
+        key = (side.axis, *side.nodes)
         made = seams.get(key)
         if made is None:
             ends = [self._corner(chart, side, k, extra) for k in (0, 1)]
@@ -241,7 +242,7 @@ def pcurve(layout: Layout, piece: Piece, scale: float) -> tuple[Any, float]:
         kernel = np.array([piece.curve.in_kernel(x, scale) for x in (t[0], t[-1])])
         gap = np.linalg.norm(layout.chart.point(straight) - piece.curve(t), axis=1).max()
         return Geom2d_BSplineCurve(to_points(uv[[0, -1]]), *to_knots(np.repeat(kernel, 2)), 1), float(gap)
-    for _ in range(5):
+    while True:
         made = make_interp_spline(t, uv, k=3)
         middles = 0.5 * (t[:-1] + t[1:])
         space = piece.curve(middles)
@@ -272,5 +273,5 @@ def steps_of(layout: Layout, loop: Sequence[tuple[int, bool]], pieces: Sequence[
     for number, forward in loop:
         piece = pieces[number]
         uv = _tidy(layout, layout.within(layout.chart.uv(piece.curve(piece.samples()))))
-        steps.append(Step(number, forward, uv, piece.nodes if forward else piece.nodes[::-1]))
+        steps.append(Step(number, forward, uv, piece.nodes if forward else (piece.nodes[1], piece.nodes[0])))
     return steps

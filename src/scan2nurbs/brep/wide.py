@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 from scipy.spatial import KDTree
 
+from scan2nurbs.brep.swept import extruded, revolved
 from scan2nurbs.surfaces.bspline import BSplineSurface
 from scan2nurbs.surfaces.extend import extend
 from scan2nurbs.surfaces.project import foot_points
@@ -78,12 +79,14 @@ def widened(shape: Any, points: Floats, h: float) -> Any:
     Parameters
     ----------
     shape : Shape
-        Others than polynomial B-spline surfaces are returned as they are.
+        Swept surfaces become B-splines; others than polynomial B-spline surfaces are returned as they are.
     points : (N, 3) float64
         Of the face's borders.
     h : float
         Spacing of the cloud; the surface reaches two of it beyond the points.
     """
+    if shape.kind in ("extrusion", "revolution") and len(points):
+        return WideSpline((extruded if shape.kind == "extrusion" else revolved)(shape, points, h))
     surface = getattr(shape, "surface", None)
     if shape.kind in ("plane", "cylinder", "cone", "sphere", "torus") or not isinstance(surface, BSplineSurface):
         return shape

@@ -198,6 +198,7 @@ def _compound(shapes: Sequence[Any]) -> Any:
 
 
 def write_brep(path: Path, shape: Any) -> None:
+    """Write a shape in the kernel's own format."""
     from OCP.BRepTools import BRepTools
     from OCP.TopTools import TopTools_FormatVersion
 

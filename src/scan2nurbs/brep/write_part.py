@@ -43,7 +43,7 @@ COLOURS: dict[str, Colour] = {
 }
 """Colours of faces by the kind of their surface, red, green and blue in [0, 1]."""
 
-_AREA = 1e-4
+_AREA = 2e-3
 _DEFLECTION = 1e-3
 _FAR = "The coordinates lie so far from zero that CAD systems which work in millimetres may lose detail; they are exact in {}."
 
