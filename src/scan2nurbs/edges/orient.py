@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,9 @@ from scan2nurbs.kernels.wedge_sides import WedgeSides, wedge_sides
 
 # Neighbours whose normals turn by less are of one face for sure; by less than LOOSE, they have a say.
 SAFE, LOOSE = np.cos(np.radians(20.0)), np.cos(np.radians(50.0))
+# Directions in which the outermost points are looked for: those to the faces, edges and corners of a cube.
+_CUBE = np.array([(x, y, z) for x in (-1.0, 0.0, 1.0) for y in (-1.0, 0.0, 1.0) for z in (-1.0, 0.0, 1.0) if (x, y, z) != (0.0, 0.0, 0.0)])
+_DIRECTIONS = _CUBE / np.linalg.norm(_CUBE, axis=1, keepdims=True)
 # What a crease says counts as much as so many links.
 CREASE_WEIGHT = 4.0
 
@@ -77,7 +80,7 @@ def orient_normals(
     (Hoppe et al. 1992, with patches for points) whose weights are sums of votes. Across a crease the angle between two normals says
     nothing about their signs, since the dihedral angle is no smaller than it is large. But the two faces' directions from the crease do:
     both outward normals point to the other face's side where the edge is concave, neither does where it is convex. Each crease point
-    votes by that. Last, a group whose flux Σ (p − mean)·n is negative is turned outwards.
+    votes by that. Last, every group is turned so that normals point outwards where it reaches farthest.
     """
     known = np.isfinite(normals[:, 0])
     component, sign = flood_signs(neighbours, np.nan_to_num(normals), known & ~doubtful, float(SAFE))
@@ -136,7 +139,7 @@ def _join(votes: csr_array, n: int) -> tuple[NDArray[np.float64], NDArray[np.int
     order, before = breadth_first_order(csr_array(tree + roots.tocsr()), n, directed=False)
     below = order[before[order] != n][1:]
     alike = np.ones(n + 1)
-    said = votes[before[below], below] if len(below) else np.zeros(0)
+    said: Any = votes[before[below], below] if len(below) else np.zeros(0)
     alike[below] = np.where((said.toarray() if issparse(said) else np.asarray(said)).ravel() >= 0.0, 1.0, -1.0)
     sign = np.ones(n + 1)
     for node in below:
@@ -145,10 +148,14 @@ def _join(votes: csr_array, n: int) -> tuple[NDArray[np.float64], NDArray[np.int
 
 
 def _outwards(points: NDArray[np.float64], normals: NDArray[np.float64], group: NDArray[np.int32]) -> NDArray[np.float64]:
-    """Return −1 for each group whose normals point inwards on the whole."""
+    """Return −1 for each group whose normals point inwards where it reaches farthest, over many directions."""
     member = np.flatnonzero(group >= 0)
-    n = int(group.max(initial=0)) + 1
-    size = np.maximum(np.bincount(group[member], minlength=n), 1)
-    mean = np.stack([np.bincount(group[member], points[member, c], n) / size for c in range(3)], axis=1)
-    flux = np.bincount(group[member], np.einsum("nc,nc->n", points[member] - mean[group[member]], normals[member]), n)
-    return np.where(flux < 0.0, -1.0, 1.0)
+    owner, places, arrows = group[member], points[member], normals[member]
+    total = np.zeros(int(group.max(initial=0)) + 1)
+    for direction in _DIRECTIONS:
+        along = places @ direction
+        farthest = np.full(len(total), -np.inf)
+        np.maximum.at(farthest, owner, along)
+        extreme = np.flatnonzero(along == farthest[owner])
+        total += np.bincount(owner[extreme], arrows[extreme] @ direction, len(total))
+    return np.where(total < 0.0, -1.0, 1.0)
