@@ -1,6 +1,6 @@
 """Cell complexes of solids whose faces, borders and vertices are known."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -9,6 +9,8 @@ from hypothesis import strategies as st
 
 from scan2nurbs.errors import NoResultError, ParameterError
 from scan2nurbs.faces.check_topology import check_topology
+from scan2nurbs.faces.double import part_double_edges
+from scan2nurbs.faces.sheet import Sheet, drop_triangles, span_sheet
 from scan2nurbs.faces.topology import TopologyParams, find_topology
 from scan2nurbs.scale import measure_scale
 from scan2nurbs.surfaces.cylinder import Cylinder
@@ -163,7 +165,7 @@ def test_two_bodies_stay_two():
     rng = np.random.default_rng(7)
     a, label_a, fits_a = box((10.0, 9.0, 8.0), rng)
     b, label_b, fits_b = rod(4.0, 9.0, rng)
-    points = np.concatenate([a, b + [20.0, 5.0, 0.0]])
+    points = np.concatenate([a, b + np.array([20.0, 5.0, 0.0])])
     moved = [Fit(Cylinder(np.array([20.0, 5.0, 0.0]), np.array([0.0, 0.0, 1.0]), 4.0)), *fits_b[1:]]
     topology = solve(noisy(points, rng), np.concatenate([label_a, label_b + 6]), [*fits_a, *moved])
     assert topology.closed == (True, True)
@@ -225,6 +227,48 @@ def test_motion_and_scale_change_nothing_but_places(seed, scale):
     moved = [Fit(Plane(scale * (f.shape.point @ q.T + shift), f.shape.direction @ q.T)) for f in fits]
     topology = solve(scale * (points @ q.T + shift), label, moved)
     assert (counts(topology), topology.closed) == ((6, 12, 8), (True,))
+
+
+def test_half_edges_of_a_sheet_pair_and_run_against_each_other():
+    v = np.random.default_rng(12).normal(size=(700, 3))
+    v /= np.linalg.norm(v, axis=1)[:, None]
+    sheet = span_sheet(v, v, 0.13)
+    half = np.arange(len(sheet.twin))
+    start, end = sheet.triangles.ravel(), np.roll(sheet.triangles, -1, axis=1).ravel()
+    assert (sheet.twin >= 0).all()
+    assert np.array_equal(sheet.twin[sheet.twin], half)
+    assert np.array_equal(start[sheet.twin], end)
+    opened = drop_triangles(sheet, half[::3] // 3 % 5 > 0)
+    inner = opened.twin >= 0
+    assert np.array_equal(opened.twin[opened.twin[inner]], np.flatnonzero(inner))
+
+
+def test_double_edges_are_parted():
+    """Two tetrahedra's surfaces glued along one edge: four triangles share it, by pairs."""
+    triangles = np.array([[0, 1, 2], [1, 0, 3], [0, 2, 3], [2, 1, 3], [0, 1, 4], [1, 0, 5], [0, 4, 5], [4, 1, 5]], np.int32)
+    twin = np.full(24, -1, np.int32)
+    for body in (range(12), range(12, 24)):
+        ends = {(int(triangles[h // 3, h % 3]), int(triangles[h // 3, (h + 1) % 3])): h for h in body}
+        for (u, v), h in ends.items():
+            twin[h] = ends[v, u]
+    place = np.random.default_rng(13).normal(size=(6, 3))
+    sheet, more = part_double_edges(Sheet(np.arange(6, dtype=np.int32), triangles, twin), place)
+    start, end = sheet.triangles.ravel(), np.roll(sheet.triangles, -1, axis=1).ravel()
+    assert len(set(zip(start.tolist(), end.tolist(), strict=True))) == len(start) == 30
+    assert np.array_equal(start[sheet.twin], end)
+    assert np.allclose(more[6], place[:2].mean(axis=0))
+
+
+def test_faults_of_a_complex_are_told():
+    rng = np.random.default_rng(14)
+    points, label, fits = box((12.0, 9.0, 7.0), rng)
+    topology = solve(points, label, fits)
+    first = topology.borders[0]
+    wrong = replace(first, faces=(first.faces[1], first.faces[0]))
+    assert any("another face on its left" in f for f in check_topology(replace(topology, borders=(wrong, *topology.borders[1:]))))
+    assert any("Euler" in f for f in check_topology(replace(topology, genus=topology.genus + 1)))
+    assert any("said to be open" in f for f in check_topology(replace(topology, closed=(False,))))
+    assert any("not walked" in f for f in check_topology(replace(topology, loops=((), *topology.loops[1:]))))
 
 
 def test_the_same_comes_out_twice():

@@ -90,7 +90,10 @@ def draw_lines(lines: list[Floats], traced: Traced, shapes: Sequence[Shape], h: 
     fixed[start[:-1][~closed]], fixed[start[1:][~closed] - 1] = True, True
     faces = traced.sides[owner]
     for _ in range(ROUNDS):
-        lines = [smooth(line, closed=bool(c), rounds=6) for line, c in zip(lines, closed, strict=True)]
+        # Nothing but its points says where a scan ends: no smoothing there, which would draw holes together.
+        lines = [
+            smooth(line, closed=bool(c), rounds=6) if f else line for line, c, f in zip(lines, closed, traced.sides[:, 1] >= 0, strict=True)
+        ]
         flat = np.concatenate(lines) if lines else np.zeros((0, 3))
         moved = pull(flat, faces, shapes, h, steps=2)
         amid = pull(flat, faces, shapes, h, steps=2, crossing=2.0)

@@ -167,14 +167,14 @@ def _read(sheet: Sheet, points: Floats, sign: NDArray[np.int8], samples: Samples
 def _regions(
     sheet: Sheet, mesh: Closed, place: Floats, samples: Samples, shapes: list[Shape]
 ) -> tuple[NDArray[np.int32], NDArray[np.int32], Traced]:
-    label = samples.label[sheet.source]
-    for turn in range(BRIDGES + 1):
+    region, source = find_regions(sheet, samples.label[sheet.source])
+    traced = trace(mesh, region)
+    for _ in range(BRIDGES):
+        label = bridge(mesh, traced, region, source, place, shapes, samples.spread, samples.h)
+        if np.array_equal(label, source[region]):
+            break
         region, source = find_regions(sheet, label)
         traced = trace(mesh, region)
-        if turn < BRIDGES:
-            label = bridge(mesh, traced, region, source, place, shapes, samples.spread, samples.h)
-            if np.array_equal(label, source[region]):
-                break
     return region, source, traced
 
 
