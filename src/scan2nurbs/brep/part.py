@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from scan2nurbs.brep.alone import trim_alone
 from scan2nurbs.brep.borders import BorderCurve
 from scan2nurbs.brep.check import check
 from scan2nurbs.brep.deviation import deviation
@@ -17,7 +18,7 @@ from scan2nurbs.brep.occ import silence
 from scan2nurbs.brep.shared import SharedFaces, trim_faces
 from scan2nurbs.brep.solids import assemble, volume
 from scan2nurbs.errors import NoResultError
-from scan2nurbs.faces.topology import Border, Fitted, Loop, Topology
+from scan2nurbs.faces.topology import Fitted, Topology
 from scan2nurbs.kernels.runner import Progress
 from scan2nurbs.scale import Scale
 
@@ -206,32 +207,11 @@ def _completed(
             borders = {k for loop in topology.loops[f] for k, _ in loop}
             how.append("followed" if any(caution[k] for k in borders) else "shared")
             continue
-        faces[f] = _alone(f, shapes, topology, h, factor)
+        faces[f] = trim_alone(f, shapes[f], topology, h, factor)
         how.append("alone" if faces[f] else "lost")
         why = f"Face {f + 1} ({shapes[f].kind}) does not fit its neighbours ({made.failures[f].rstrip('.')}): "
         notes.append(why + ("it has its own outline." if faces[f] else "it could not be made."))
     return faces, how
-
-
-def _alone(f: int, shapes: list[Any], topology: Topology, h: float, factor: float) -> tuple[Any, ...]:
-    borders: list[Border] = []
-    loops: list[Loop] = []
-    for loop in topology.loops[f]:
-        path: list[tuple[int, bool]] = []
-        for k, forward in loop:
-            border = topology.borders[k]
-            path.append((len(borders), forward))
-            borders.append(replace(border, faces=(0, -1) if forward else (-1, 0)))
-        loops.append(tuple(path))
-    lone = replace(topology, borders=tuple(borders), loops=(tuple(loops),), outward=topology.outward[f : f + 1])
-    for care in (0, 1, 2):
-        try:
-            made = trim_faces([shapes[f]], lone, h, factor, [care] * len(borders))
-        except NoResultError:
-            continue
-        if not made.failures:
-            return made.faces[0]
-    return ()
 
 
 def _model(

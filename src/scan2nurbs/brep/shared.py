@@ -70,7 +70,7 @@ def trim_faces(shapes: Sequence[Shape], topology: Topology, h: float, scale: flo
     caution : sequence of int, optional
         As in `lay_borders`.
     """
-    shapes = [widened(shape, _border_points(topology, f), h) for f, shape in enumerate(shapes)]
+    shapes = [widened(shape, border_points(topology, f), h) for f, shape in enumerate(shapes)]
     curves, vertices = lay_borders(topology.borders, topology.vertices, shapes, h, caution)
     work = _Work(curves, vertices, [[] for _ in curves])
     layouts = [_layout(work, shape, _loops(topology, f), f, h, scale) for f, shape in enumerate(shapes)]
@@ -95,7 +95,8 @@ def trim_faces(shapes: Sequence[Shape], topology: Topology, h: float, scale: flo
     return SharedFaces(tuple(tuple(made) for made in faces), work.failures, tuple(work.curves))
 
 
-def _border_points(topology: Topology, f: int) -> Floats:
+def border_points(topology: Topology, f: int) -> Floats:
+    """Return the points of all borders of a face, (N, 3)."""
     return np.vstack([np.empty((0, 3)), *(topology.borders[k].points for loop in topology.loops[f] for k, _ in loop)])
 
 
