@@ -34,12 +34,15 @@ class PartParams:
     Attributes
     ----------
     widest : float
-        Largest tolerance of an edge, in h, > 0: where curves and surfaces lie further apart, a face is trimmed by its own outline.
+        Tolerance of an edge, in h, > 0, above which its border is laid anew, closer to the points, and listed if that does not help.
+    bearable : float
+        Tolerance of an edge, in h, > 0, above which one of its faces leaves its neighbours and gets an outline of its own.
     reach : float
         Distance, in h and beyond three times the noise, up to which points and model belong together, > 0.
     """
 
     widest: float = 0.5
+    bearable: float = 1.0
     reach: float = 1.0
 
 
@@ -181,20 +184,44 @@ def _trimmed(
     """Trim the faces; where some fail, their borders are laid anew, closer to the points that they came from."""
     caution = [0] * len(topology.borders)
     best: SharedFaces | None = None
-    best_caution, least = caution, np.inf
+    best_caution, least = caution, (len(shapes) + 1, 0)
     for turn in range(_ROUNDS):
         made = trim_faces(shapes, topology, h, factor, caution)
         wide = {k for k, curve in enumerate(made.curves) if curve.gap > 0.9 * params.widest * h}
-        bad = len(made.failures) + len(wide)
+        bad = len(made.failures), len(wide)
         if bad < least:
             best, best_caution, least = made, list(caution), bad
         tell(turn + 1, _ROUNDS + 2)
-        if not bad:
+        if bad == (0, 0):
             break
         failed = {k for f in made.failures for loop in topology.loops[f] for k, _ in loop}
         caution = [min(care + (k in failed or k in wide), 2) for k, care in enumerate(caution)]
     assert best is not None
-    return best, best_caution, []
+    return *_loosened(best, shapes, topology, h, factor, best_caution, params), _wide_notes(best, params, h)
+
+
+def _loosened(
+    made: SharedFaces, shapes: list[Any], topology: Topology, h: float, factor: float, caution: list[int], params: PartParams
+) -> tuple[SharedFaces, list[int]]:
+    """Trim the faces again without those that failed, or that only too wide a tolerance would hold to their neighbours."""
+    for _ in range(2):
+        left = dict(made.failures)
+        wide = [c.faces for c in made.curves if c.gap > params.bearable * h / 1.25 and min(c.faces) >= 0 and not left.keys() & set(c.faces)]
+        while wide:
+            counts = np.bincount(np.ravel(wide))
+            worst = int(np.flatnonzero(counts == counts.max())[-1])
+            left[worst] = "Its edges would lie too far from its neighbours."
+            wide = [faces for faces in wide if worst not in faces]
+        if left.keys() == made.left_out:
+            break
+        made = trim_faces(shapes, topology, h, factor, caution, left)
+    return made, caution
+
+
+def _wide_notes(made: SharedFaces, params: PartParams, h: float) -> list[str]:
+    said = "The surfaces of faces {} and {} lie {:.2g} spacings from the edge between them."
+    wide = [c for c in made.curves if c.gap > params.widest * h and min(c.faces) >= 0]
+    return [said.format(c.faces[0] + 1, c.faces[1] + 1, c.gap / h) for c in wide]
 
 
 def _completed(
