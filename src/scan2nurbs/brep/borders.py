@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scan2nurbs.brep.curve import fit_curve
-from scan2nurbs.brep.meeting import Meeting
+from scan2nurbs.brep.meeting import Loose, Meeting
 from scan2nurbs.brep.space import SpaceCurve, lay_curve, simple_curve
 from scan2nurbs.faces.topology import Border
 from scan2nurbs.surfaces.shape import Shape, unit
@@ -104,7 +104,7 @@ def lay_borders(
 
 def _guide(border: Border, shapes: Sequence[Shape], h: float, caution: int) -> _Guide:
     closed = border.vertices[0] < 0
-    meeting = Meeting(tuple(shapes[f] for f in border.faces if f >= 0), h)
+    meeting = Meeting(tuple(shapes[f] for f in border.faces if f >= 0) or (Loose(),), h)
     points = _even(_smoothed(np.asarray(border.points, np.float64), closed), h)
     along = _directions(points, closed)
     drawn, how = meeting.draw(points, along) if not caution else (points, np.zeros(len(points), np.int8))

@@ -92,14 +92,14 @@ def lay_out(chart: Chart, loops: Sequence[Path], curves: Sequence[BorderCurve], 
         if not closed[axis]:
             continue
         if not cut[axis]:
-            window[axis] = _widest_gap(np.concatenate([uv[:, axis] for uv, _ in paths]), chart.period[axis] or 1.0)
+            window[axis] = widest_gap(np.concatenate([uv[:, axis] for uv, _ in paths]), chart.period[axis] or 1.0)
             chart, window[axis] = chart.turned(window[axis], axis)
         elif axis == 0:
             chart, window[axis] = chart.turned(_best_seam(chart, loops, curves, marked, paths, h), axis)
     return Layout(chart, (bool(cut[0]), bool(cut[1])), (window[0], window[1]))
 
 
-def _widest_gap(values: Floats, period: float) -> float:
+def widest_gap(values: Floats, period: float) -> float:
     """Return the middle of the widest interval of a period that holds no value."""
     places = np.unique(values % period)
     gaps = np.diff(np.append(places, places[0] + period))

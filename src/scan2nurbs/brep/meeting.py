@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scan2nurbs.surfaces.shape import Shape, unit
+from scan2nurbs.surfaces.shape import Kind, Shape, unit
 
 Floats = NDArray[np.float64]
 
@@ -27,6 +28,26 @@ def _cross(a: Floats, b: Floats) -> Floats:
     """Return the cross products of the rows of two arrays; NumPy's own takes several times as long for few rows."""
     (a0, a1, a2), (b0, b1, b2) = a.T, b.T
     return np.column_stack([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0])
+
+
+@dataclass(frozen=True)
+class Loose:
+    """Stands for a surface where a border has lost both of its faces: everything lies on it."""
+
+    kind: ClassVar[Kind] = "plane"
+    freedom: int = 0
+
+    def distance(self, points: Floats) -> Floats:
+        """Return zeros (N,)."""
+        return np.zeros(len(points))
+
+    def normal(self, points: Floats) -> Floats:
+        """Return any unit vectors (N, 3)."""
+        return np.tile([0.0, 0.0, 1.0], (len(points), 1))
+
+    def foot(self, points: Floats) -> Floats:
+        """Return the points themselves."""
+        return points
 
 
 @dataclass(frozen=True)

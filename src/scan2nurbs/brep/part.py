@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from scan2nurbs.brep.alone import trim_alone
 from scan2nurbs.brep.borders import BorderCurve
 from scan2nurbs.brep.check import check
 from scan2nurbs.brep.deviation import deviation
@@ -17,7 +18,7 @@ from scan2nurbs.brep.occ import silence
 from scan2nurbs.brep.shared import SharedFaces, trim_faces
 from scan2nurbs.brep.solids import assemble, volume
 from scan2nurbs.errors import NoResultError
-from scan2nurbs.faces.topology import Border, Fitted, Loop, Topology
+from scan2nurbs.faces.topology import Fitted, Topology
 from scan2nurbs.kernels.runner import Progress
 from scan2nurbs.scale import Scale
 
@@ -33,12 +34,15 @@ class PartParams:
     Attributes
     ----------
     widest : float
-        Largest tolerance of an edge, in h, > 0: where curves and surfaces lie further apart, a face is trimmed by its own outline.
+        Tolerance of an edge, in h, > 0, above which its border is laid anew, closer to the points, and listed if that does not help.
+    bearable : float
+        Tolerance of an edge, in h, > 0, above which one of its faces leaves its neighbours and gets an outline of its own.
     reach : float
         Distance, in h and beyond three times the noise, up to which points and model belong together, > 0.
     """
 
     widest: float = 0.5
+    bearable: float = 1.0
     reach: float = 1.0
 
 
@@ -183,20 +187,44 @@ def _trimmed(
     """Trim the faces; where some fail, their borders are laid anew, closer to the points that they came from."""
     caution = [0] * len(topology.borders)
     best: SharedFaces | None = None
-    best_caution, least = caution, np.inf
+    best_caution, least = caution, (len(shapes) + 1, 0)
     for turn in range(_ROUNDS):
         made = trim_faces(shapes, topology, h, factor, caution)
         wide = {k for k, curve in enumerate(made.curves) if curve.gap > 0.9 * params.widest * h}
-        bad = len(made.failures) + len(wide)
+        bad = len(made.failures), len(wide)
         if bad < least:
             best, best_caution, least = made, list(caution), bad
         tell(turn + 1, _ROUNDS + 2)
-        if not bad:
+        if bad == (0, 0):
             break
         failed = {k for f in made.failures for loop in topology.loops[f] for k, _ in loop}
         caution = [min(care + (k in failed or k in wide), 2) for k, care in enumerate(caution)]
     assert best is not None
-    return best, best_caution, []
+    return *_loosened(best, shapes, topology, h, factor, best_caution, params), _wide_notes(best, params, h)
+
+
+def _loosened(
+    made: SharedFaces, shapes: list[Any], topology: Topology, h: float, factor: float, caution: list[int], params: PartParams
+) -> tuple[SharedFaces, list[int]]:
+    """Trim the faces again without those that failed, or that only too wide a tolerance would hold to their neighbours."""
+    for _ in range(2):
+        left = dict(made.failures)
+        wide = [c.faces for c in made.curves if c.gap > params.bearable * h / 1.25 and min(c.faces) >= 0 and not left.keys() & set(c.faces)]
+        while wide:
+            counts = np.bincount(np.ravel(wide))
+            worst = int(np.flatnonzero(counts == counts.max())[-1])
+            left[worst] = "Its edges would lie too far from its neighbours."
+            wide = [faces for faces in wide if worst not in faces]
+        if left.keys() == made.left_out:
+            break
+        made = trim_faces(shapes, topology, h, factor, caution, left)
+    return made, caution
+
+
+def _wide_notes(made: SharedFaces, params: PartParams, h: float) -> list[str]:
+    said = "The surfaces of faces {} and {} lie {:.2g} spacings from the edge between them."
+    wide = [c for c in made.curves if c.gap > params.widest * h and min(c.faces) >= 0]
+    return [said.format(c.faces[0] + 1, c.faces[1] + 1, c.gap / h) for c in wide]
 
 
 def _completed(
@@ -209,32 +237,11 @@ def _completed(
             borders = {k for loop in topology.loops[f] for k, _ in loop}
             how.append("followed" if any(caution[k] for k in borders) else "shared")
             continue
-        faces[f] = _alone(f, shapes, topology, h, factor)
+        faces[f] = trim_alone(f, shapes[f], topology, h, factor)
         how.append("alone" if faces[f] else "lost")
         why = f"Face {f + 1} ({shapes[f].kind}) does not fit its neighbours ({made.failures[f].rstrip('.')}): "
         notes.append(why + ("it has its own outline." if faces[f] else "it could not be made."))
     return faces, how
-
-
-def _alone(f: int, shapes: list[Any], topology: Topology, h: float, factor: float) -> tuple[Any, ...]:
-    borders: list[Border] = []
-    loops: list[Loop] = []
-    for loop in topology.loops[f]:
-        path: list[tuple[int, bool]] = []
-        for k, forward in loop:
-            border = topology.borders[k]
-            path.append((len(borders), forward))
-            borders.append(replace(border, faces=(0, -1) if forward else (-1, 0)))
-        loops.append(tuple(path))
-    lone = replace(topology, borders=tuple(borders), loops=(tuple(loops),), outward=topology.outward[f : f + 1])
-    for care in (0, 1, 2):
-        try:
-            made = trim_faces([shapes[f]], lone, h, factor, [care] * len(borders))
-        except NoResultError:
-            continue
-        if not made.failures:
-            return made.faces[0]
-    return ()
 
 
 def _model(

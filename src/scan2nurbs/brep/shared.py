@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -38,11 +38,14 @@ class SharedFaces:
         Why a face failed.
     curves : tuple of BorderCurve
         One a border.
+    left_out : set of int
+        Faces that were not tried.
     """
 
     faces: tuple[tuple[Any, ...], ...]
     failures: dict[int, str]
     curves: tuple[BorderCurve, ...]
+    left_out: frozenset[int] = frozenset()
 
 
 @dataclass
@@ -55,7 +58,14 @@ class _Work:
     failures: dict[int, str] = field(default_factory=dict)
 
 
-def trim_faces(shapes: Sequence[Shape], topology: Topology, h: float, scale: float, caution: Sequence[int] | None = None) -> SharedFaces:
+def trim_faces(
+    shapes: Sequence[Shape],
+    topology: Topology,
+    h: float,
+    scale: float,
+    caution: Sequence[int] | None = None,
+    without: Mapping[int, str] | None = None,
+) -> SharedFaces:
     """Trim the faces of a topology along curves that are laid once a border.
 
     Parameters
@@ -69,11 +79,17 @@ def trim_faces(shapes: Sequence[Shape], topology: Topology, h: float, scale: flo
         Kernel lengths over the cloud's.
     caution : sequence of int, optional
         As in `lay_borders`.
+    without : mapping of int to str, optional
+        Faces to leave out, and why: where they were, their neighbours end freely.
     """
-    shapes = [widened(shape, _border_points(topology, f), h) for f, shape in enumerate(shapes)]
+    skipped = dict(without or {})
+    if skipped:
+        sides = [(-1 if b.faces[0] in skipped else b.faces[0], -1 if b.faces[1] in skipped else b.faces[1]) for b in topology.borders]
+        topology = replace(topology, borders=tuple(replace(b, faces=pair) for b, pair in zip(topology.borders, sides, strict=True)))
+    shapes = [widened(shape, border_points(topology, f), h) for f, shape in enumerate(shapes)]
     curves, vertices = lay_borders(topology.borders, topology.vertices, shapes, h, caution)
-    work = _Work(curves, vertices, [[] for _ in curves])
-    layouts = [_layout(work, shape, _loops(topology, f), f, h, scale) for f, shape in enumerate(shapes)]
+    work = _Work(curves, vertices, [[] for _ in curves], failures=dict(skipped))
+    layouts = [None if f in skipped else _layout(work, shape, _loops(topology, f), f, h, scale) for f, shape in enumerate(shapes)]
     _cut(work)
     kernel = KernelPart(work.vertices, work.pieces, scale, 0.0)
     faces: list[list[Any]] = [[] for _ in shapes]
@@ -92,10 +108,11 @@ def trim_faces(shapes: Sequence[Shape], topology: Topology, h: float, scale: flo
             work.failures[f] = "The CAD kernel's check finds it invalid."
         elif made and not all(is_valid_meshed(face) for face in made):
             work.failures[f] = "It cannot be triangulated."
-    return SharedFaces(tuple(tuple(made) for made in faces), work.failures, tuple(work.curves))
+    return SharedFaces(tuple(tuple(made) for made in faces), work.failures, tuple(work.curves), frozenset(skipped))
 
 
-def _border_points(topology: Topology, f: int) -> Floats:
+def border_points(topology: Topology, f: int) -> Floats:
+    """Return the points of all borders of a face, (N, 3)."""
     return np.vstack([np.empty((0, 3)), *(topology.borders[k].points for loop in topology.loops[f] for k, _ in loop)])
 
 

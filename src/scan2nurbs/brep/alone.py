@@ -1,0 +1,119 @@
+"""Faces that do not fit their neighbours: trimmed by an outline of their own, so that none is lost."""
+
+# The kernel's modules are filled when they are imported; a type checker sees them empty.
+# pyright: reportAttributeAccessIssue=false
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
+
+from scan2nurbs.brep.build import build_face
+from scan2nurbs.brep.charts import Chart, SplineChart, chart_of
+from scan2nurbs.brep.check import is_valid, is_valid_meshed
+from scan2nurbs.brep.face import trimmed_face
+from scan2nurbs.brep.layout import unwrapped, widest_gap
+from scan2nurbs.brep.outline import Loop as Polyline
+from scan2nurbs.brep.shared import border_points, trim_faces
+from scan2nurbs.brep.wide import widened
+from scan2nurbs.errors import NoResultError
+from scan2nurbs.faces.topology import Border, Loop, Topology
+from scan2nurbs.surfaces.bspline import BSplineSurface
+from scan2nurbs.surfaces.shape import Shape
+
+Floats = NDArray[np.float64]
+
+_TOLERANCE = 0.5
+_SPANS = 64
+
+
+def trim_alone(f: int, shape: Shape, topology: Topology, h: float, scale: float) -> tuple[Any, ...]:
+    """Trim one face by its own borders, whatever its neighbours do.
+
+    Parameters
+    ----------
+    f : int
+        The face.
+    shape : Shape
+        Its surface.
+    topology : Topology
+    h : float
+        Spacing of the cloud.
+    scale : float
+        Kernel lengths over the cloud's.
+
+    Returns
+    -------
+    tuple of TopoDS_Face
+        First by smooth curves along its borders; then by what remains of them once loops that cross are parted, on a patch of the
+        surface as a B-spline. Empty where even that fails.
+    """
+    borders: list[Border] = []
+    loops: list[Loop] = []
+    for loop in topology.loops[f]:
+        path: list[tuple[int, bool]] = []
+        for k, forward in loop:
+            path.append((len(borders), forward))
+            borders.append(replace(topology.borders[k], faces=(0, -1) if forward else (-1, 0)))
+        loops.append(tuple(path))
+    lone = replace(topology, borders=tuple(borders), loops=(tuple(loops),), outward=topology.outward[f : f + 1])
+    for care in (0, 2):
+        made = trim_faces([shape], lone, h, scale, [care] * len(borders))
+        if not made.failures:
+            return made.faces[0]
+    try:
+        return _outlined(widened(shape, border_points(topology, f), h), topology, f, h, scale)
+    except (NoResultError, ValueError):
+        return ()
+
+
+def _outlined(shape: Shape, topology: Topology, f: int, h: float, scale: float) -> tuple[Any, ...]:
+    from OCP.TopAbs import TopAbs_REVERSED
+    from OCP.TopoDS import TopoDS
+
+    chart = chart_of(shape, 1.0)
+    loops = []
+    for loop in topology.loops[f]:
+        lines = [topology.borders[k].points if forward else topology.borders[k].points[::-1] for k, forward in loop]
+        loops.append(unwrapped(chart.uv(np.vstack(lines)), chart))
+    if not loops:
+        raise NoResultError("It has no borders.")
+    around = [any(p and round((uv[-1, axis] - uv[0, axis]) / p) for uv in loops) for axis, p in enumerate(chart.period)]
+    for axis, period in enumerate(chart.period):
+        if period and not around[axis]:
+            start = widest_gap(np.concatenate([uv[:, axis] for uv in loops]), period)
+            for uv in loops:
+                uv[:, axis] -= period * np.floor((uv[len(uv) // 2, axis] - start) / period)
+    surface = chart.surface if isinstance(chart, SplineChart) else _patch(chart, np.vstack(loops), around)
+    lines = [Polyline(uv, closed=not any(p and abs(uv[-1, a] - uv[0, a]) > 0.5 * p for a, p in enumerate(chart.period))) for uv in loops]
+    found = trimmed_face(surface, lines, tolerance=_TOLERANCE * h)
+    if not found.wires:
+        raise NoResultError("No outline is left of it.")
+    face = build_face(found.surface, found.wires, scale=scale)
+    if not (is_valid(face) and is_valid_meshed(face)):
+        raise NoResultError("Its own outline is not valid.")
+    return (TopoDS.Face(face.Oriented(TopAbs_REVERSED)) if topology.outward[f] < 0 else face,)
+
+
+def _patch(chart: Chart, uv: Floats, around: list[bool]) -> BSplineSurface:
+    """Return the part of a surface that holds given parameters as a bicubic B-spline over them, true to a millionth of its radius."""
+    axes = []
+    for axis in (0, 1):
+        period = chart.period[axis]
+        low, high = float(uv[:, axis].min()), float(uv[:, axis].max())
+        if around[axis] and period:
+            low, high = chart.start[axis], chart.start[axis] + period
+        else:
+            margin = 0.02 * (high - low) + 1e-9
+            low, high = low - margin, high + margin
+        axes.append(np.linspace(low, high, _SPANS + 1 if period else 9))
+    u, v = np.meshgrid(*axes, indexing="ij")
+    points = chart.point(np.column_stack([u.ravel(), v.ravel()])).reshape(*u.shape, 3)
+    first = make_interp_spline(axes[0], points, k=3)
+    second = make_interp_spline(axes[1], np.moveaxis(np.asarray(first.c), 1, 0), k=3)
+    control = np.ascontiguousarray(np.moveaxis(np.asarray(second.c), 0, 1))
+    return BSplineSurface((3, 3), (first.t, second.t), control, np.ones(control.shape[:2]), (around[0], around[1]))
