@@ -134,7 +134,7 @@ def label_points(sheet: Sheet, models: NDArray[np.float64], candidates: NDArray[
 def nearby(sheet: Sheet, label: NDArray[np.int32], rings: int) -> NDArray[np.int32]:
     """Return the labels near every point (N, K)."""
     out = np.full((len(label), CANDIDATES), -1, np.int32)
-    nearby_labels(label, 0.0, sheet.neighbours, rings, out)
+    nearby_labels(label, sheet.neighbours, rings, out)
     return out
 
 

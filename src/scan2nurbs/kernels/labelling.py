@@ -109,7 +109,7 @@ def _sweep(candidates, costs, neighbours, weights, beta, belief, start, stop, ou
 
 
 @kernel
-def nearby_labels(labels, costs_of_none, neighbours, rings, candidates):
+def nearby_labels(labels, neighbours, rings, candidates):
     """List for each point the labels within so many rings of neighbours, nearest first; −1 pads."""
     n, room = candidates.shape
     queue = np.empty(4096, np.int32)
