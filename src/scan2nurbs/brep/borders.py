@@ -291,11 +291,11 @@ def _between(guide: _Guide, first: Floats, last: Floats) -> Floats:
 
 def _distinct(points: Floats, h: float) -> Floats:
     """Leave out points that repeat the one before them, or the last; the ends stay, moved apart if they are all there is."""
-    kept = np.r_[True, np.linalg.norm(np.diff(points, axis=0), axis=1) > 1e-6 * h]
+    kept = np.r_[True, np.linalg.norm(np.diff(points, axis=0), axis=1) > 1e-3 * h]
     kept[-1] = True
-    kept[1:-1] &= np.linalg.norm(points[1:-1] - points[-1], axis=1) > 1e-6 * h
+    kept[1:-1] &= np.linalg.norm(points[1:-1] - points[-1], axis=1) > 1e-3 * h
     points = points[kept]
-    if len(points) == 2 and np.linalg.norm(points[1] - points[0]) <= 1e-6 * h:
+    if len(points) == 2 and np.linalg.norm(points[1] - points[0]) <= 1e-3 * h:
         points = points + np.array([[-0.5], [0.5]]) * _SHORTEST * h / np.sqrt(3.0)
     return points
 

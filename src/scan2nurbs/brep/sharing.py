@@ -25,6 +25,7 @@ _SAMPLES = 24
 _MOST = 384
 _STRAIGHT = 1e-9
 _MARGIN = 1.25
+_SHORTEST = 1e-4
 
 
 @dataclass(frozen=True)
@@ -249,7 +250,8 @@ def pcurve(layout: Layout, piece: Piece, scale: float) -> tuple[Any, float]:
         gap = np.linalg.norm(layout.chart.point(made(middles)) - space, axis=1)
         least = np.linalg.norm(layout.chart.point(layout.chart.uv(space)) - space, axis=1)
         bad = gap > np.maximum(1.1 * least, 0.5 * piece.gap) + max(1e-6 * size, CONFUSION / scale)
-        if not bad.any() or len(t) > _MOST:
+        # Halved again and again in one place, spans become too short for the kernel.
+        if not bad.any() or len(t) > _MOST or np.diff(t).min() < _SHORTEST * (t[-1] - t[0]):
             break
         t = np.sort(np.concatenate([t, middles[bad]]))
         uv = _tidy(layout, layout.within(layout.chart.uv(piece.curve(t))))
