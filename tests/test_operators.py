@@ -149,10 +149,13 @@ def test_motion_scale_and_order_change_nothing(operator, seed, scale):
     again = s2n.detect_edges(moved, params)
     assert again.h == pytest.approx(scale * edges.h, rel=1e-7)
     assert again.noise == pytest.approx(scale * edges.noise, rel=0.15, abs=0.02 * scale)
-    difference = np.abs(again.strength - edges.strength[order])
+    # Which points lie at the end of the scan is counted in sectors, whose first direction turns with the axes; 90 marks those points.
+    inner = (again.strength < 90.0) & (edges.strength[order] < 90.0) if operator == "crease" else np.ones(len(points), bool)
+    assert inner.mean() > 0.6
+    difference = np.abs(again.strength - edges.strength[order])[inner]
     # Rounding moves single points over the sphere or a dividing plane; the choice of a ball may flip where two are equally flat.
     assert np.nanquantile(difference, 0.9) < 0.2
-    assert np.mean(again.mask != edges.mask[order]) < 0.03
+    assert np.mean((again.mask != edges.mask[order])[inner]) < 0.03
 
 
 def test_rows_that_are_no_point_keep_their_place():

@@ -266,8 +266,10 @@ def test_the_same_part_gives_the_same_bytes(tmp_path):
 
 def test_step_names_and_colours_faces(tmp_path):
     path = write_part(tmp_path / "rod.step", rod().build(), unit="mm").path
+    named = write_part(tmp_path / "named.step", rod().build(), unit="mm", names=["side", "floor", "lid"]).path
+    assert re.findall(r"ADVANCED_FACE\('([^']*)'", named.read_text()) == ["side", "floor", "lid"]
     text = path.read_text()
-    assert re.findall(r"ADVANCED_FACE\('([^']*)'", text) == ["1 cylinder", "2 plane", "3 plane"]
+    assert re.findall(r"ADVANCED_FACE\('([^']*)'", text) == ["cylinder_0", "plane_1", "plane_2"]
     assert text.count("COLOUR_RGB") >= 2
     assert "AP242" in text
     assert len(faces_of(read_shape(path))) == 3

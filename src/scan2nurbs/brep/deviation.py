@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from scan2nurbs.brep.cad import CadPart, tessellate
+from scan2nurbs.kernels.runner import thread_count
 
 Floats = NDArray[np.float64]
 
@@ -60,16 +61,19 @@ def deviation(shape: Any, points: Floats, *, h: float, reach: float, scale: floa
     The model is sampled evenly, twice as close as the points. Where a sample is near, the distance is that along its normal; so the
     spacing of the samples does not matter.
     """
-    part = tessellate(shape, deflection=0.05 * h * scale)
+    part = tessellate(shape, deflection=0.1 * h * scale)
     spacing = max(_SPACING * h, float(np.sqrt(part.area / _MOST_SAMPLES)) / scale)
     samples, normals = sample(part, spacing * scale)
     samples = samples / scale
     some = points[:: max(1, -(-len(points) // _MOST_POINTS))]
-    apart, nearest = KDTree(samples).query(some)
+    # Beyond this nothing belongs together, however far it is: a bound spares the search.
+    bound, workers = 2.0 * reach + _NEAR * max(h, spacing), thread_count()
+    apart, nearest = KDTree(samples).query(some, distance_upper_bound=bound, workers=workers)
+    nearest = np.minimum(nearest, len(samples) - 1)
     along = np.abs(np.einsum("nk,nk->n", some - samples[nearest], normals[nearest]))
     to_model = np.where(apart <= _NEAR * max(h, spacing), along, apart)
-    to_scan = KDTree(some).query(samples)[0]
     gap = max(h, h * np.sqrt(len(points) / len(some)))
+    to_scan = KDTree(some).query(samples, distance_upper_bound=2.0 * (reach + gap), workers=workers)[0]
     covered = to_model <= reach
     rms = float(np.sqrt(np.mean(to_model[covered] ** 2))) if covered.any() else np.inf
     return Deviation(float(covered.mean()), float((to_scan <= reach + gap).mean()), rms, reach)

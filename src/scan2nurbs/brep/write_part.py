@@ -25,7 +25,7 @@ from scan2nurbs.brep.rhino import UNTRIMMED, write_3dm
 from scan2nurbs.brep.step import SCHEMAS, write_step
 from scan2nurbs.brep.write import FORMATS, MESH_WRITERS, WrittenModel, write_brep
 from scan2nurbs.cloud import UNITS
-from scan2nurbs.errors import OutputError, ParameterError
+from scan2nurbs.errors import ParameterError
 from scan2nurbs.io.atomic import atomic_path
 
 Floats = NDArray[np.float64]
@@ -87,7 +87,9 @@ def write_part(
     ParameterError
         If the suffix, the unit or the schema is unknown, or a number is not finite.
     OutputError
-        If the file cannot be written, or what was written to it does not read back as the same model.
+        If the file cannot be written.
+    InputError
+        If what was written cannot be read back.
     KernelError
         If the CAD kernel refuses.
     MissingExtraError
@@ -95,7 +97,8 @@ def write_part(
 
     Notes
     -----
-    STEP, IGES and BREP files are read back and compared before they get their name. The same part gives the same bytes.
+    STEP, IGES and BREP files are read back before they get their name; the notes say how what is read differs from what was written.
+    The same part gives the same bytes.
     """
     offset = np.asarray(origin, np.float64)
     form = _checked(Path(path), unit, schema, offset, deflection)
@@ -116,9 +119,7 @@ def write_part(
             write_iges(temporary, whole, unit=unit, name=plain(name))
         else:
             write_brep(temporary, whole)
-        wrong, notes = _differences(temporary, model, form, inside)
-        if wrong:
-            raise OutputError(f"The file does not read back as it was written: {'; '.join(wrong)}.", path=os.fspath(path))
+        notes = _differences(temporary, model, form, inside)
     if not model.valid:
         notes.append("The CAD kernel's own check finds the model invalid.")
     if form == "STEP" and inside != "mm":
@@ -178,23 +179,29 @@ def _named(part: PartModel, whole: Any, names: Sequence[str]) -> list[tuple[str,
     return [(names[row], row, face) for row, face in zip(rows, faces_of(whole), strict=True)]
 
 
-def _differences(path: Path, expected: ModelCheck, form: str, unit: str) -> tuple[list[str], list[str]]:
-    """Read a file back and say how it differs from what was to be written, and what its format could not hold."""
+def _differences(path: Path, expected: ModelCheck, form: str, unit: str) -> list[str]:
+    """Read a file back and say how it differs from what was to be written, and what its format could not hold.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, or holds no face.
+    """
     found = check(read_shape(path, unit=unit))
     said = []
     if found.n_faces != expected.n_faces:
         said.append(f"{found.n_faces} faces instead of {expected.n_faces}")
     if abs(found.area - expected.area) > _AREA * expected.area:
-        said.append(f"an area of {found.area:.9g} instead of {expected.area:.9g} {unit}²")
+        said.append(f"an area of {found.area:.5g} instead of {expected.area:.5g} {unit}²")
     # IGES does not say that two edges are one, nor how wide the gaps may be that its curves bridge.
+    if form != "IGES" and expected.closed and not found.closed:
+        said.append("open borders")
+    notes = [f"A reader of the file finds {', '.join(said)}: a face at a wide gap is understood differently."] if said else []
     if form == "IGES":
-        loose = "IGES holds neither shared edges nor tolerances: a reader may have to sew the faces."
-        return said, [loose]
-    if expected.valid and not found.valid:
-        said.append("the kernel's check finds the model invalid")
-    if expected.closed and not found.closed:
-        said.append("the model is no longer closed")
-    return said, []
+        notes.append("IGES holds neither shared edges nor tolerances: a reader may have to sew the faces.")
+    elif expected.valid and not found.valid:
+        notes.append("The CAD kernel's check finds the model invalid once it is read back.")
+    return notes
 
 
 def _write_plain(

@@ -28,7 +28,7 @@ def chain_extent(points: NDArray[np.float64], follows: float) -> NDArray[np.floa
     Returns
     -------
     (M,) float64
-        The diagonal of the box about the chain; 0 for single points.
+        Twice the largest distance of the chain's points from their mean; 0 for single points.
     """
     if len(points) < 2:
         return np.zeros(len(points))
@@ -39,9 +39,9 @@ def chain_extent(points: NDArray[np.float64], follows: float) -> NDArray[np.floa
     rows = np.repeat(np.arange(len(points)), near.sum(axis=1))
     links = coo_matrix((np.ones(len(rows), bool), (rows, index[near])), shape=(len(points), len(points)))
     n, chain = connected_components(links, directed=False)
-    low, high = np.full((n, 3), np.inf), np.full((n, 3), -np.inf)
-    np.minimum.at(low, chain, cells.points)
-    np.maximum.at(high, chain, cells.points)
+    middle = np.stack([np.bincount(chain, column) for column in cells.points.T], axis=1) / np.bincount(chain)[:, None]
+    reach = np.zeros(n)
+    np.maximum.at(reach, chain, np.linalg.norm(cells.points - middle[chain], axis=1))
     extent = np.empty(len(points))
-    extent[cells.order] = np.linalg.norm(high - low, axis=1)[chain]
+    extent[cells.order] = 2.0 * reach[chain]
     return extent
