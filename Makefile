@@ -16,7 +16,7 @@ export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
 help: ## Say what can be made
 	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST)
 
-demo: $(VENV)/.test-stamp ## Scan a CAD part with the simulator, rebuild one of its faces, write STEP and report into demo/
+demo: $(VENV)/.test-stamp ## Scan CAD parts with the simulator, rebuild a whole part and one surface, write STEP files and reports into demo/
 	@mkdir -p demo
 	$(BIN)/python examples/demo.py demo
 
@@ -32,6 +32,8 @@ lint: $(VENV)/.lint-stamp ## Check style, types and layers
 bench: $(VENV)/.test-stamp ## Measure accuracy and speed; with SCANS=FOLDER on the scans of a folder too
 	@# All of them, whatever one says; then fail if one did, as that of surfaces does when a row misses what is wanted.
 	@failed=0; \
+	$(BIN)/python -m benchmarks.parts --quick || failed=1; \
+	$(BIN)/python -m benchmarks.edges --quick || failed=1; \
 	$(BIN)/python -m benchmarks.surface || failed=1; \
 	$(BIN)/python -m benchmarks.speed || failed=1; \
 	[ -z "$(SCANS)" ] || $(BIN)/python -m benchmarks.scans "$(SCANS)" || failed=1; \

@@ -1,4 +1,4 @@
-"""The whole way in a minute: a CAD part, a simulated scan of it, a face rebuilt from the scan: ``python examples/demo.py FOLDER``."""
+"""The whole way in a minute: a CAD part, a scan of it, a CAD model rebuilt from the scan: ``python examples/demo.py FOLDER``."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-PART = "demo"
+PART, SURFACE = "flange", "demo"
 
 
 def scan2nurbs(*arguments: object) -> None:
@@ -24,11 +24,16 @@ def main(folder: Path) -> None:
     from examples.parts.make_parts import write_parts
 
     folder.mkdir(parents=True, exist_ok=True)
-    (step,) = write_parts(folder, [PART])
-    scan, seed = folder / "scan.ply", ",".join(f"{value:.4g}" for value in PARTS[PART].seed)
-    scan2nurbs("simulate", step, "-o", scan, "--n-points", 40_000, "--views", 9, "--spread", 50, "--noise", 0.25, "--quiet")
+    step, block = write_parts(folder, [PART, SURFACE])
+    # The whole part: a flange from 60,000 noisy points all around it.
+    scan = folder / "flange-scan.ply"
+    scan2nurbs("simulate", step, "-o", scan, "--n-points", 60_000, "--mode", "grid", "--noise", 0.25, "--noise-across", 0.25, "--quiet")
     scan2nurbs("info", scan)
-    scan2nurbs("surface", scan, "-o", folder / "surface.step", "--report", folder / "report.html", "--seed", seed)
+    scan2nurbs("convert", scan, "-o", folder / "part.step", "--report", folder / "report.html")
+    # The paper's case: one functional surface of a part that was scanned from above.
+    scan, seed = folder / "scan.ply", ",".join(f"{value:.4g}" for value in PARTS[SURFACE].seed)
+    scan2nurbs("simulate", block, "-o", scan, "--n-points", 40_000, "--views", 9, "--spread", 50, "--noise", 0.25, "--quiet")
+    scan2nurbs("surface", scan, "-o", folder / "surface.step", "--report", folder / "surface-report.html", "--seed", seed)
 
 
 if __name__ == "__main__":

@@ -61,9 +61,10 @@ def test_every_option_is_documented():
                 assert f"`{option}" in text, f"{name} {option}"
 
 
-@pytest.mark.parametrize("command", ["info", "edges", "surface"])
+@pytest.mark.parametrize("command", ["info", "edges", "surface", "segment", "convert"])
 def test_every_key_of_the_json_is_documented(command, folder, capfd):
-    output = {"info": [], "edges": ["-o", "edges.ply"], "surface": ["-o", "surface.step"]}[command]
+    names = {"edges": "edges.ply", "surface": "surface.step", "segment": "faces.ply", "convert": "part.step"}
+    output = ["-o", names[command]] if command in names else []
     with pytest.raises(SystemExit) as stopped:
         main([command, "scan.xyz", "--json", "--unit", "mm", *output])
     assert stopped.value.code in (0, None)
@@ -71,5 +72,6 @@ def test_every_key_of_the_json_is_documented(command, folder, capfd):
     text = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
     missing = [key for key in record if f"`{key}`" not in text]
     nested = {key: value for key, value in record.items() if key in ("input", "scale", "edges", "boundary", "inside", "model")}
-    missing += [f"{key}.{part}" for key, value in nested.items() for part in value if f"`{part}`" not in text]
+    nested |= {key: record[key][0] for key in ("faces", "edges", "relations") if isinstance(record.get(key), list) and record[key]}
+    missing += [f"{key}.{part}" for key, value in nested.items() if isinstance(value, dict) for part in value if f"`{part}`" not in text]
     assert missing == []

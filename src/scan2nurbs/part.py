@@ -149,10 +149,9 @@ def reconstruct(
     with watch("topology"):
         fits = parted.faces.fits
         topology = find_topology(points, faces.label, fits, scale, params.topology, _stage(progress, "finding borders"))
-        parted = by_topology(parted, topology)
     with watch("model"):
-        fits = parted.faces.fits[: topology.n_faces]
         part = build_part(points, fits, topology, scale, params.model, _stage(progress, "building the model"))
+    parted = by_topology(parted, topology)
     deviation = deviations(points, parted.faces.label, parted.faces.fits, topology.outward)
     model = Model(**vars(parted), related=related, topology=topology, part=part, deviation=deviation, report={})
     return replace(model, report=part_report(model, params, watch.seconds))

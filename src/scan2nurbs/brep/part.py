@@ -25,6 +25,7 @@ from scan2nurbs.scale import Scale
 Floats = NDArray[np.float64]
 
 _ROUNDS = 3
+_TOO_LARGE = "It would reach far beyond its points"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -232,16 +233,33 @@ def _completed(
 ) -> tuple[list[tuple[Any, ...]], list[str]]:
     """Give faces that failed an outline of their own."""
     faces, how = list(made.faces), []
+    room = _room(topology, h)
     for f in range(len(shapes)):
-        if f not in made.failures:
+        why_not = made.failures.get(f, "" if _size(faces[f], factor) <= room[f] else _TOO_LARGE)
+        if not why_not:
             borders = {k for loop in topology.loops[f] for k, _ in loop}
             how.append("followed" if any(caution[k] for k in borders) else "shared")
             continue
         faces[f] = trim_alone(f, shapes[f], topology, h, factor)
+        if _size(faces[f], factor) > room[f]:
+            faces[f] = ()
         how.append("alone" if faces[f] else "lost")
-        why = f"Face {f + 1} ({shapes[f].kind}) does not fit its neighbours ({made.failures[f].rstrip('.')}): "
+        why = f"Face {f + 1} ({shapes[f].kind}) does not fit its neighbours ({why_not.rstrip('.')}): "
         notes.append(why + ("it has its own outline." if faces[f] else "it could not be made."))
     return faces, how
+
+
+def _room(topology: Topology, h: float) -> Floats:
+    """Return how large each face may become: twice the mesh that its borders were read from, and a few cells more; anything without one."""
+    if not len(topology.mesh.triangles):
+        return np.full(topology.n_faces, np.inf)
+    corners = topology.mesh.vertices[topology.mesh.triangles]
+    area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    return 2.0 * np.bincount(topology.mesh.face, area, minlength=topology.n_faces) + 20.0 * h**2
+
+
+def _size(pieces: tuple[Any, ...], factor: float) -> float:
+    return sum(_area(face) for face in pieces) / factor**2
 
 
 def _model(
@@ -266,8 +284,7 @@ def _model(
         shape=whole.shape,
         kernel_scale=factor,
         faces=tuple(
-            PartFace(int(topology.source[f]), shapes[f].kind, pieces, sum(_area(face) for face in pieces) / factor**2, how[f])
-            for f, pieces in enumerate(faces)
+            PartFace(int(topology.source[f]), shapes[f].kind, pieces, _size(pieces, factor), how[f]) for f, pieces in enumerate(faces)
         ),
         edges=tuple(_edge(curve) for curve in made.curves),
         valid=found.valid,
