@@ -15,11 +15,11 @@ from scan2nurbs.report.colours import face_colours
 from scan2nurbs.report.part_pictures import SAMPLES, spread
 from scan2nurbs.report.view import choose_view
 
-MOST = 8
+MOST = 6
 
 
 def draw_gallery(shown: dict[str, tuple[Truth, Model]], path: Path) -> None:
-    """Draw up to eight parts, a row each."""
+    """Draw up to `MOST` parts, a row each."""
     chosen = list(shown.items())[:MOST]
     figure = Figure(figsize=(9.6, 2.3 * len(chosen)), dpi=110, layout="constrained")
     for row, (name, (truth, model)) in zip(figure.subplots(len(chosen), 4, squeeze=False), chosen, strict=True):

@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 from examples.parts import WHOLE
 
+from benchmarks.part_gallery import MOST, draw_gallery
 from benchmarks.scores import matched_faces, score_faces, score_model
 from benchmarks.truth import Truth, sample, true_part
 from scan2nurbs.errors import Scan2NurbsError
@@ -93,9 +94,10 @@ def measure(name: str, truth: Truth, noise: float) -> tuple[Row, Model | None]:
 def type_share(truth: Truth, model: Model) -> float:
     """Return the share of matched faces (IoU above 0.5) whose type is right; freeform counts as one type."""
     right = []
+    kinds = dict(zip(model.numbers.tolist(), (fit.shape.kind for fit in model.faces.fits), strict=True))
     for true, found in matched_faces(truth, model.label):
         wanted = KINDS.get(truth.part.types[true], "freeform")
-        kind = model.faces.fits[found].shape.kind
+        kind = kinds[found]
         right.append((kind if kind in KINDS.values() else "freeform") == wanted)
     return float(np.mean(right)) if right else float("nan")
 
@@ -180,6 +182,8 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--output", type=Path, help="where to write the page (default docs/parts-truth.md for a full run)")
     given = parser.parse_args(arguments)
     parts, noises = (list(QUICK), [0.25]) if given.quick else (given.parts, given.noise)
+    full = parts == list(WHOLE) and noises == list(NOISE) and not given.outliers
+    output = given.output or (DOCS / "parts-truth.md" if full else None)
     rows: list[Row] = []
     shown: dict[str, tuple[Truth, Model]] = {}
     for name in parts:
@@ -191,15 +195,14 @@ def main(arguments: list[str] | None = None) -> int:
             print(table([row]).splitlines()[-1], flush=True)
             if model is not None and noise == noises[len(noises) // 2]:
                 shown[name] = truth, model
+        if given.pictures and (len(shown) == MOST or name == parts[-1]):
+            draw_gallery(shown, (output.parent if output else DOCS) / "images" / "parts.png")
+            given.pictures = False
+        if not given.pictures:
+            shown.clear()
+        if output is not None:  # a run of an hour that is stopped leaves what it has
+            output.write_text(page(rows, given.points), encoding="utf-8")
     print(summary(rows))
-    full = parts == list(WHOLE) and noises == list(NOISE) and not given.outliers
-    output = given.output or (DOCS / "parts-truth.md" if full else None)
-    if output is not None:
-        output.write_text(page(rows, given.points), encoding="utf-8")
-    if given.pictures:
-        from benchmarks.part_gallery import draw_gallery
-
-        draw_gallery(shown, (output.parent if output else DOCS) / "images" / "parts.png")
     return 0
 
 

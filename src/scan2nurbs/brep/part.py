@@ -255,7 +255,7 @@ def _room(topology: Topology, h: float) -> Floats:
         return np.full(topology.n_faces, np.inf)
     corners = topology.mesh.vertices[topology.mesh.triangles]
     area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    return 2.0 * np.bincount(topology.mesh.face, area, minlength=topology.n_faces) + 20.0 * h**2
+    return np.asarray(2.0 * np.bincount(topology.mesh.face, area, minlength=topology.n_faces) + 20.0 * h**2, np.float64)
 
 
 def _size(pieces: tuple[Any, ...], factor: float) -> float:

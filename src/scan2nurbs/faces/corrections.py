@@ -104,7 +104,7 @@ def apply_face_corrections(label: NDArray[np.int32], corrections: FaceCorrection
     for number, step in enumerate(corrections.steps, start=1):
         work.do(step, f"Step {number} ({step.action})")
     present = {int(face) for face in np.unique(work.label)} - {-1}
-    forced = {face: kind for face, kind in work.forced.items() if face in present}
+    forced: dict[int, Kind] = {face: kind for face, kind in work.forced.items() if face in present}
     return Numbered(work.label, frozenset(work.changed & present), forced)
 
 

@@ -181,7 +181,7 @@ def propose(points, normals, neighbours, seeds, kinds, sigma, tilt, least, model
     for seed in seeds:
         if tried[seed] or explained(points, normals, neighbours, models, candidates, seed, sigma):
             continue
-        n_kept, top = 0, 0.0
+        n_kept, n_first, top = 0, 0, 0.0
         for scale in range(len(_SCALES) - 1, -1, -1):
             mark += 1
             n_first = neighbourhood(neighbours, normals, seed, _SCALES[scale], _TURNS[scale], stamp, mark, first)

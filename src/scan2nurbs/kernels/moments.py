@@ -139,7 +139,7 @@ def _ball_planes(cells, clusters, whole, radius, widenings, ahead, borders, todo
         for first in range(cells.cell_start[cell], cells.cell_start[cell + 1], BLOCK):
             end = min(first + BLOCK, cells.cell_start[cell + 1])
             m = _begin(first, end, todo, pending, out)
-            reach, unit, border, filled = radius, 0.0, 0, 0
+            reach, unit, border, filled, n_clusters = radius, 0.0, 0, 0, 0
             for step in range(widenings + 1):
                 if m == 0:
                     break

@@ -27,6 +27,7 @@ def interior(points: Floats) -> NDArray[np.bool_]:
     if len(points) < _FEWEST:
         return everywhere
     distance, index = KDTree(points).query(points, k=_NEIGHBOURS)
+    index = np.asarray(index)
     away = np.linalg.norm(points[index].mean(axis=1) - points, axis=1)
     inside = away < _ONE_SIDED * distance[:, -1]
     # Labels err two spacings deep where they err.

@@ -40,6 +40,7 @@ class SplineShape:
         """Return the foot points of points (N, 3), found by Newton's method from the nearest of a net of points."""
         uv, tree, gaps = self._starts
         near, index = tree.query(points)
+        index = np.asarray(index)
         feet = foot_points(self.surface, points, uv[index])
         # Newton's method may end in a corner of the domain that is no nearest point.
         ends = np.array(self.surface.domain)
