@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-PART, SURFACE = "flange", "demo"
+PART, SURFACE = "bracket", "demo"
 
 
 def scan2nurbs(*arguments: object) -> None:
@@ -25,8 +25,8 @@ def main(folder: Path) -> None:
 
     folder.mkdir(parents=True, exist_ok=True)
     step, block = write_parts(folder, [PART, SURFACE])
-    # The whole part: a flange from 60,000 noisy points all around it.
-    scan = folder / "flange-scan.ply"
+    # The whole part: a bracket from 60,000 noisy points all around it.
+    scan = folder / "part-scan.ply"
     scan2nurbs("simulate", step, "-o", scan, "--n-points", 60_000, "--mode", "grid", "--noise", 0.25, "--noise-across", 0.25, "--quiet")
     scan2nurbs("info", scan)
     scan2nurbs("convert", scan, "-o", folder / "part.step", "--report", folder / "report.html")
