@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from scan2nurbs.kernels.nearest import nearest_neighbours
 from scan2nurbs.scale import Scale
@@ -17,6 +18,8 @@ MEETING = 0.5
 """Surfaces that meet smoothly pass within this many h of the points at their border, and noise."""
 LEAST = 4
 """Fewer points on a side are no border."""
+INNER, OUTER, PLACES, NEAR = 2, 5, 64, 8
+"""Which way a face goes from its border: to the mean of so many of the nearest points between two rings, at so many places."""
 
 
 @dataclass(frozen=True)
@@ -87,8 +90,18 @@ def face_contacts(label: NDArray[np.int32], scale: Scale) -> Contacts:
     return Contacts(found, neighbours)
 
 
-def smooth_contacts(points: NDArray[np.float64], contacts: Contacts, fits: tuple[ShapeFit, ...], scale: Scale) -> tuple[Contact, ...]:
-    """Return the contacts along half of which the surfaces turn by less than `SMOOTH`; the two sides of a thin wall do not meet."""
+def smooth_contacts(
+    points: NDArray[np.float64],
+    label: NDArray[np.int32],
+    contacts: Contacts,
+    fits: tuple[ShapeFit, ...],
+    scale: Scale,
+    turn: float = SMOOTH,
+) -> tuple[Contact, ...]:
+    """Return the contacts along half of which the surfaces turn by less than `turn` degrees.
+
+    The two sides of a thin wall do not meet, nor do those of a blade.
+    """
     out = []
     for contact in contacts.found:
         a, b = contact.pair
@@ -97,9 +110,24 @@ def smooth_contacts(points: NDArray[np.float64], contacts: Contacts, fits: tuple
             continue
         place = points[rows]
         dot = np.abs(np.einsum("ij,ij->i", fits[a].shape.normal(place), fits[b].shape.normal(place)))
-        if np.median(dot) <= np.cos(np.radians(SMOOTH)):
+        if np.median(dot) <= np.cos(np.radians(turn)):
             continue
         apart = np.maximum(np.abs(fits[a].shape.distance(place)), np.abs(fits[b].shape.distance(place)))
-        if np.median(apart) < MEETING * scale.h + 3.0 * scale.noise:
+        if np.median(apart) < MEETING * scale.h + 3.0 * scale.noise and not _turns_back(points, contacts, contact, label):
             out.append(contact)
     return tuple(out)
+
+
+def _turns_back(points: NDArray[np.float64], contacts: Contacts, contact: Contact, label: NDArray[np.int32]) -> bool:
+    """Tell whether both faces lie on the same side of their border, as at the edge of a blade: lines of normals cannot tell."""
+    bands = [np.setdiff1d(contacts.band(side, label, OUTER), contacts.band(side, label, INNER)) for side in contact.sides]
+    if min(map(len, bands)) < LEAST:
+        return False
+    rows = np.concatenate(contact.sides)
+    place = points[rows[:: -(-len(rows) // PLACES)]]
+    away = []
+    for band in bands:
+        k = min(NEAR, len(band))
+        nearest = KDTree(points[band]).query(place, k=k)[1].reshape(len(place), k)
+        away.append(points[band[nearest]].mean(axis=1) - place)
+    return bool(np.median(np.einsum("ij,ij->i", *away)) > 0.0)

@@ -17,13 +17,13 @@ from scan2nurbs.surfaces.shape_fit import ShapeFit, choose_shape, fit_shape
 NEARBY = 4
 
 
-def rank_faces(label: NDArray[np.int32], most: int | None = None) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
-    """Number faces by falling size without gaps; those beyond the `most` largest are dissolved.
+def rank_faces(label: NDArray[np.int32], most: int | None) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+    """Give faces numbers without gaps, by falling size; those beyond the `most` largest are dissolved.
 
     Parameters
     ----------
     label : (N,) int32
-    most : int, optional
+    most : int, or None for all of them
 
     Returns
     -------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,20 +15,33 @@ from scan2nurbs.faces.contacts import Contact, Contacts, face_contacts, smooth_c
 from scan2nurbs.scale import Scale
 from scan2nurbs.surfaces.explain import study
 from scan2nurbs.surfaces.relations import doubt_tangency
-from scan2nurbs.surfaces.shape_fit import ShapeFit, fit_shape
+from scan2nurbs.surfaces.shape import KINDS, Kind
+from scan2nurbs.surfaces.shape_fit import ShapeFit, choose_shape, fit_shape
+from scan2nurbs.surfaces.shape_parameters import COLUMNS
 
 BAND = 4
 """Rings of neighbours from a border over which a surface runs on."""
 RUNS_ON = 2.0
 """A surface runs on over points that lie within so many deviations of it, root mean square; a fillet bends away much faster."""
-LEAST_BORDER = 8.0
+PARTS = 4.0
+"""The same for the other way about: the smaller of two pieces is known less well."""
+LEAST_DEVIATION = 0.15
+"""Smallest deviation that counts there, in h: the smaller the noise, the smaller the pieces, and the sooner they part."""
+KINK = 35.0
+"""Degrees by which pieces of a freeform face may turn where they meet: the smaller they are, the more."""
+LEAST_BORDER = 4.0
 """Borders shorter than this, in h, may be corners where faces touch that have no edge in common."""
 CREASED = 0.5
 """A border is a crease where so large a share of its points is on an edge."""
+MOST = 0.5
 SMALL = 0.2
 """A piece is small with less than this share of a freeform face's points: it joins without further evidence."""
 ROUGHEST = 1.25
 """A freeform surface explains its points with residuals up to this many times those of the pieces."""
+
+
+WIDEST = (65.0, 45.0, 30.0)
+"""Degrees by which normals of a chart may lean away from their mean: at first a height field with a margin."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +63,7 @@ class Pieces:
     fits: tuple[ShapeFit, ...]
 
 
-def join_freeform(pieces: Pieces, on_edge: NDArray[np.bool_], scale: Scale, noise: float) -> Pieces:
+def join_freeform(pieces: Pieces, on_edge: NDArray[np.bool_], scale: Scale, noise: float, kinds: Sequence[Kind] = KINDS) -> Pieces:
     """Join the pieces of freeform faces, wherever one B-spline surface is the shorter description of their points.
 
     Parameters
@@ -61,6 +75,8 @@ def join_freeform(pieces: Pieces, on_edge: NDArray[np.bool_], scale: Scale, nois
         Of all points.
     noise : float
         Standard deviation of the points across the surface, in their unit.
+    kinds : sequence of str
+        Kinds of surfaces that joined faces may have.
 
     Returns
     -------
@@ -74,25 +90,34 @@ def join_freeform(pieces: Pieces, on_edge: NDArray[np.bool_], scale: Scale, nois
     charts.
     """
     contacts = face_contacts(pieces.label, scale)
-    smooth = smooth_contacts(pieces.points, contacts, pieces.fits, scale)
+    bent = smooth_contacts(pieces.points, pieces.label, contacts, pieces.fits, scale, KINK)
+    smooth = smooth_contacts(pieces.points, pieces.label, replace(contacts, found=bent), pieces.fits, scale)
     doubts = doubt_tangency(pieces.points, pieces.label, pieces.fits, [c.pair for c in smooth], noise=max(noise, 0.01 * scale.h), h=scale.h)
-    joins = [c for c in smooth if doubts[c.pair] > 1.0 and _one_surface(pieces, contacts, c, on_edge, scale.h, noise)]
-    parent = _joined(len(pieces.fits), [c.pair for c in joins])
-    parent = _absorbed(pieces, contacts, smooth, parent, noise)
+    least = max(noise, LEAST_DEVIATION * scale.h)
+    bent = tuple(c for c in bent if not _creased(pieces, c, on_edge, scale.h))
+    clear = {c.pair for c in bent}
+    joins = [c.pair for c in smooth if c.pair in clear and doubts[c.pair] > 1.0 and _run_on(pieces, contacts, c, least)]
+    parent = _joined(len(pieces.fits), joins)
+    parent = _continued(pieces, [c.pair for c in bent if doubts.get(c.pair, np.inf) > 1.0], joins, parent)
+    parent = _absorbed(pieces, contacts, smooth, parent, least)
     label, fits = pieces.label.copy(), list(pieces.fits)
     for group in _groups(parent):
-        for members, fit in _fitted(pieces, group, [c for c in smooth if c.pair[0] in group and c.pair[1] in group], noise):
+        for members, fit in _fitted(pieces, group, [c for c in bent if c.pair[0] in group and c.pair[1] in group], kinds, noise):
             label[np.isin(label, members)] = members[0]
             fits[members[0]] = fit
     return replace(pieces, label=label, fits=tuple(fits))
 
 
-def _one_surface(pieces: Pieces, contacts: Contacts, contact: Contact, on_edge: NDArray[np.bool_], h: float, noise: float) -> bool:
+def _creased(pieces: Pieces, contact: Contact, on_edge: NDArray[np.bool_], h: float) -> bool:
+    """Tell whether a border is a crease, or too short to tell."""
     rows = np.concatenate(contact.sides)
-    place = pieces.points[rows]
-    if float(np.ptp(place, axis=0).max()) < LEAST_BORDER * h or float(np.mean(on_edge[rows])) > CREASED:
-        return False
-    return max(_runs_on(pieces, contacts, contact, noise)) < RUNS_ON
+    return float(np.ptp(pieces.points[rows], axis=0).max()) < LEAST_BORDER * h or float(np.mean(on_edge[rows])) > CREASED
+
+
+def _run_on(pieces: Pieces, contacts: Contacts, contact: Contact, noise: float) -> bool:
+    """Tell whether the surfaces of two pieces run on over each other's points beside their border."""
+    over = _runs_on(pieces, contacts, contact, noise)
+    return min(over) < RUNS_ON and max(over) < PARTS
 
 
 def _runs_on(pieces: Pieces, contacts: Contacts, contact: Contact, noise: float) -> tuple[float, float]:
@@ -103,6 +128,19 @@ def _runs_on(pieces: Pieces, contacts: Contacts, contact: Contact, noise: float)
         d = pieces.fits[own].shape.distance(pieces.points[band]) / noise
         out.append(float(np.sqrt(np.mean(np.minimum(d * d, 25.0)))))
     return out[0], out[1]
+
+
+def _continued(pieces: Pieces, pairs: list[tuple[int, int]], joins: list[tuple[int, int]], parent: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Let what is freeform for certain go on up to the next crease; where most points are on it, over pieces that stand alone, too."""
+    size = np.bincount(pieces.label[pieces.label >= 0], minlength=len(parent))
+    while True:
+        free = np.bincount(parent, minlength=len(parent))[parent] > 1
+        organic = size[free].sum() > MOST * size.sum()
+        more = [pair for pair in pairs if (free[list(pair)].any() if organic else free[list(pair)].all())]
+        wider = _joined(len(parent), [*joins, *more])
+        if (wider == parent).all():
+            return parent
+        parent = wider
 
 
 def _absorbed(
@@ -145,37 +183,51 @@ def _groups(parent: NDArray[np.int64]) -> list[list[int]]:
     return [np.flatnonzero(parent == k).tolist() for k in kept[count > 1]]
 
 
-def _fitted(pieces: Pieces, group: list[int], smooth: list[Contact], noise: float) -> list[tuple[list[int], ShapeFit]]:
+def _fitted(
+    pieces: Pieces, group: list[int], smooth: list[Contact], kinds: Sequence[Kind], noise: float
+) -> list[tuple[list[int], ShapeFit]]:
     """Return the charts of a group with their fits: the whole of it if that pays, else as few as do; what stays as it is, is left out."""
-    whole = _fit(pieces, group, noise)
+    whole = _fit(pieces, group, kinds, noise)
     if whole is not None:
         return [(group, whole)]
-    found = []
-    for chart in charts(pieces.points, pieces.label, pieces.fits, group, smooth):
-        fit = _fit(pieces, chart, noise) if 1 < len(chart) < len(group) else None
-        if fit is not None:
-            found.append((chart, fit))
+    found, left = [], [group]
+    for widest in WIDEST:
+        failed = []
+        for part in left:
+            among = [c for c in smooth if c.pair[0] in part and c.pair[1] in part]
+            for chart in charts(pieces.points, pieces.label, pieces.fits, part, among, widest):
+                fit = _fit(pieces, chart, kinds, noise) if 1 < len(chart) < len(group) else None
+                if fit is not None:
+                    found.append((chart, fit))
+                elif len(chart) > 1:
+                    failed.append(chart)
+        left = failed
     return found
 
 
-def _fit(pieces: Pieces, members: list[int], noise: float) -> ShapeFit | None:
-    """Return the B-spline surface of some pieces, or None where it does not explain the points or is the longer description."""
+def _fit(pieces: Pieces, members: list[int], kinds: Sequence[Kind], noise: float) -> ShapeFit | None:
+    """Return the one surface of some pieces, or None where it does not explain the points or is the longer description."""
     mine = np.flatnonzero(np.isin(pieces.label, members))
     p, own = pieces.points[mine], pieces.label[mine]
-    try:
-        fit = fit_shape("bspline", p, noise=noise)
-    except (NoResultError, InputError):
-        return None
     d, cost = np.empty(len(mine)), 0.0
     for m in members:
         d[own == m] = pieces.fits[m].shape.distance(p[own == m])
         cost += MODEL_COST + 0.5 * pieces.fits[m].shape.freedom * np.log(max(int((own == m).sum()), 2))
-    off = fit.shape.distance(p)
-    # Each control point is determined by the points in its own few spans only.
-    price = MODEL_COST + 0.5 * fit.shape.freedom * np.log(max(len(mine) / fit.shape.freedom, 2.0))
-    # Residuals of the pieces are too small to compare with: each point chose the piece that it is nearest to.
-    explained = _rough(off) <= ROUGHEST * max(_rough(d), noise) and study(fit.shape.foot(p), off, max(noise, _rough(d))).explained(noise)
-    return fit if explained and price < cost else None
+    primitives: list[Kind] = [kind for kind in kinds if kind in COLUMNS]
+    for simple in (True, False):
+        try:
+            fit = choose_shape(p, noise=noise, kinds=primitives) if simple else fit_shape("bspline", p, noise=noise)
+        except (NoResultError, InputError):
+            continue
+        off = fit.shape.distance(p)
+        left = study(fit.shape.foot(p), off, max(noise, _rough(d)))
+        # Each control point is determined by the points in its own few spans only.
+        price = MODEL_COST + 0.5 * fit.shape.freedom * np.log(max(len(mine) / fit.shape.freedom, 2.0))
+        # Residuals of the pieces are too small to compare with: each point chose the piece that it is nearest to.
+        explained = left.nothing_left() if simple else left.explained(noise)
+        if explained and price < cost and _rough(off) <= ROUGHEST * max(_rough(d), noise):
+            return fit
+    return None
 
 
 def _rough(d: NDArray[np.float64]) -> float:

@@ -63,7 +63,7 @@ class _Judged(NamedTuple):
 
     doubt: float
     way: Candidate
-    index: NDArray[np.int64]
+    at: NDArray[np.int64]
     values: Values | None
     floor: Floats
 
@@ -103,7 +103,7 @@ class _Filter:
         best = self.judge(ways, probability, factor)
         if best.values is None or best.doubt > 1.0:
             return None
-        self._impose(best.index, best.values, best.floor)
+        self._impose(best.at, best.values, best.floor)
         return best.way
 
     def _impose(self, index: NDArray[np.int64], values: Values, floor: Floats) -> None:
