@@ -19,6 +19,7 @@ from scan2nurbs.brep.face import trimmed_face
 from scan2nurbs.brep.layout import unwrapped, widest_gap
 from scan2nurbs.brep.outline import Loop as Polyline
 from scan2nurbs.brep.shared import border_points, trim_faces
+from scan2nurbs.brep.solids import tolerance
 from scan2nurbs.brep.wide import widened
 from scan2nurbs.errors import NoResultError
 from scan2nurbs.faces.topology import Border, Loop, Topology
@@ -63,7 +64,7 @@ def trim_alone(f: int, shape: Shape, topology: Topology, h: float, scale: float)
     lone = replace(topology, borders=tuple(borders), loops=(tuple(loops),), outward=topology.outward[f : f + 1])
     for care in (0, 2):
         made = trim_faces([shape], lone, h, scale, [care] * len(borders))
-        if not made.failures:
+        if not made.failures and max(map(tolerance, made.faces[0]), default=0.0) <= h * scale:
             return made.faces[0]
     try:
         return _outlined(widened(shape, border_points(topology, f), h), topology, f, h, scale)

@@ -10,7 +10,7 @@ from typing import Any
 
 from scan2nurbs.brep.occ import CONFUSION, kernel_errors, silence
 
-_DEFLECTION = 1e-2
+_DEFLECTION = 2e-3
 _FAILURES = 0x1 | 0x2 | 0x4
 """IMeshData_Status: an open wire, a wire that crosses itself, a failure."""
 

@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 
 from scan2nurbs.brep.alone import trim_alone
 from scan2nurbs.brep.borders import BorderCurve
-from scan2nurbs.brep.check import check
+from scan2nurbs.brep.check import check, is_valid, is_valid_meshed
 from scan2nurbs.brep.deviation import deviation
 from scan2nurbs.brep.face import kernel_scale
 from scan2nurbs.brep.occ import silence
+from scan2nurbs.brep.sewn import sew
 from scan2nurbs.brep.shared import SharedFaces, trim_faces
-from scan2nurbs.brep.solids import assemble, volume
+from scan2nurbs.brep.solids import Assembled, assemble, compound, tolerance, volume
 from scan2nurbs.errors import NoResultError
 from scan2nurbs.faces.topology import Fitted, Topology
 from scan2nurbs.kernels.runner import Progress
@@ -26,6 +27,7 @@ Floats = NDArray[np.float64]
 
 _ROUNDS = 3
 _TOO_LARGE = "It would reach far beyond its points"
+_TOO_WIDE = "Its edges would lie too far from its neighbours."
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -175,7 +177,7 @@ def build_part(
     tell = progress or (lambda done, total: None)
     shapes = [fits[k].shape for k in topology.source]
     made, caution, notes = _trimmed(shapes, topology, scale.h, factor, params, tell)
-    faces, how = _completed(made, shapes, topology, scale.h, factor, caution, notes)
+    faces, how = _completed(made, shapes, topology, scale.h, factor, caution, params, notes)
     tell(_ROUNDS + 1, _ROUNDS + 2)
     model = _model(points, shapes, topology, made, faces, how, scale, factor, params, notes)
     tell(_ROUNDS + 2, _ROUNDS + 2)
@@ -214,7 +216,7 @@ def _loosened(
         while wide:
             counts = np.bincount(np.ravel(wide))
             worst = int(np.flatnonzero(counts == counts.max())[-1])
-            left[worst] = "Its edges would lie too far from its neighbours."
+            left[worst] = _TOO_WIDE
             wide = [faces for faces in wide if worst not in faces]
         if left.keys() == made.left_out:
             break
@@ -229,13 +231,21 @@ def _wide_notes(made: SharedFaces, params: PartParams, h: float) -> list[str]:
 
 
 def _completed(
-    made: SharedFaces, shapes: list[Any], topology: Topology, h: float, factor: float, caution: list[int], notes: list[str]
+    made: SharedFaces,
+    shapes: list[Any],
+    topology: Topology,
+    h: float,
+    factor: float,
+    caution: list[int],
+    params: PartParams,
+    notes: list[str],
 ) -> tuple[list[tuple[Any, ...]], list[str]]:
     """Give faces that failed an outline of their own."""
     faces, how = list(made.faces), []
     room = _room(topology, h)
     for f in range(len(shapes)):
         why_not = made.failures.get(f, "" if _size(faces[f], factor) <= room[f] else _TOO_LARGE)
+        why_not = why_not or _spoilt(faces[f], params.bearable * h * factor)
         if not why_not:
             borders = {k for loop in topology.loops[f] for k, _ in loop}
             how.append("followed" if any(caution[k] for k in borders) else "shared")
@@ -247,6 +257,13 @@ def _completed(
         why = f"Face {f + 1} ({shapes[f].kind}) does not fit its neighbours ({why_not.rstrip('.')}): "
         notes.append(why + ("it has its own outline." if faces[f] else "it could not be made."))
     return faces, how
+
+
+def _spoilt(pieces: tuple[Any, ...], widest: float) -> str:
+    """Say what is wrong with a face now that all its neighbours are made: they share edges, and may have widened them."""
+    if max(map(tolerance, pieces), default=0.0) > widest:
+        return _TOO_WIDE
+    return "" if all(is_valid(face) and is_valid_meshed(face) for face in pieces) else "Its neighbours spoil its edges"
 
 
 def _room(topology: Topology, h: float) -> Floats:
@@ -278,7 +295,17 @@ def _model(
     if not every:
         raise NoResultError("No face of the part could be made.")
     whole = assemble(every)
+    if whole.n_free_edges and "alone" in how:
+        joined = sew(faces, params.widest * scale.h * factor)
+        if joined is not None:
+            faces, whole = joined, assemble([face for pieces in joined for face in pieces])
+            notes.append(f"Faces with outlines of their own were sewn to their neighbours; {whole.n_free_edges} free edges are left.")
     found = check(whole.shape)
+    if not found.valid:
+        loose = Assembled(compound(every), 0, whole.n_free_edges)
+        if check(loose.shape).valid:
+            whole, found = loose, check(loose.shape)
+            notes.append("The CAD kernel finds the shells of these faces invalid: the faces are not joined to shells.")
     measured = deviation(whole.shape, points, h=scale.h, reach=params.reach * scale.h + 3.0 * scale.noise, scale=factor)
     return PartModel(
         shape=whole.shape,

@@ -166,6 +166,34 @@ def is_covered(sheet: Sheet, points: Floats, spacing: Floats, cells: Cells, reac
     return covered
 
 
+def is_pinhole(sheet: Sheet, points: Floats, label: NDArray[np.int32], covered: NDArray[np.bool_], most: float) -> NDArray[np.bool_]:
+    """Tell which triangles lie in small gaps within a single face.
+
+    Parameters
+    ----------
+    sheet : Sheet
+        The triangles.
+    points : (N, 3) float64
+        The points that its vertices come from.
+    label : (N,) int32
+        Their faces.
+    covered : (M,) bool
+        Triangles that lie in no gap.
+    most : float
+        Largest area of such a gap.
+    """
+    n, gap = components(drop_triangles(sheet, ~covered))
+    corners = sheet.source[sheet.triangles[~covered]]
+    area = np.bincount(gap, triangle_areas(points, corners), minlength=n)
+    low, high = np.full(n, np.iinfo(np.int32).max), np.full(n, -1)
+    for k in range(3):
+        np.minimum.at(low, gap, label[corners[:, k]])
+        np.maximum.at(high, gap, label[corners[:, k]])
+    out = np.zeros(len(covered), bool)
+    out[~covered] = ((area < most) & (low == high))[gap]
+    return out
+
+
 def peel(sheet: Sheet, points: Floats, normals: Floats) -> Sheet:
     """Take away, from its borders inwards, what closes an open surface but stands upright on it.
 

@@ -18,7 +18,7 @@ from scan2nurbs.faces.merge import merge_vertices
 from scan2nurbs.faces.orient import find_patches, outward_signs
 from scan2nurbs.faces.regions import find_regions
 from scan2nurbs.faces.relabel import Samples, take_samples
-from scan2nurbs.faces.sheet import Sheet, components, drop_triangles, is_covered, peel, span_sheet, triangle_areas
+from scan2nurbs.faces.sheet import Sheet, components, drop_triangles, is_covered, is_pinhole, peel, span_sheet, triangle_areas
 from scan2nurbs.faces.split import split_mesh
 from scan2nurbs.faces.trace import Closed, Traced, cap_holes, genera, trace
 from scan2nurbs.kernels.runner import Progress
@@ -30,6 +30,8 @@ __all__ = ["Border", "LabelledMesh", "Loop", "Topology", "TopologyParams", "find
 
 STAGES = 5
 BRIDGES = 3
+PINHOLE = 50.0
+"""Gaps in a face of less area than this, in h², a circle of four h, are chance and no missing data."""
 
 
 class Fitted(Protocol):
@@ -129,7 +131,8 @@ def find_topology(
 def _trim(sheet: Sheet, points: Floats, outward: Floats, samples: Samples, scale: Scale, params: TopologyParams) -> tuple[Sheet, list[str]]:
     """Open the surface where there is no data, and drop pieces too small to be a part."""
     if not params.fill_holes:
-        sheet = drop_triangles(sheet, is_covered(sheet, points, samples.spacing, scale.cells, params.reach))
+        covered = is_covered(sheet, points, samples.spacing, scale.cells, params.reach)
+        sheet = drop_triangles(sheet, covered | is_pinhole(sheet, points, samples.label, covered, PINHOLE * samples.h**2))
         sheet = peel(sheet, points, outward)
     n, piece = components(sheet)
     area = np.bincount(piece, triangle_areas(points, sheet.source[sheet.triangles]), minlength=n)
