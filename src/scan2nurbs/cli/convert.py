@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -12,11 +12,10 @@ from scan2nurbs.cli.config import read_config
 from scan2nurbs.cli.options import Given, takes
 from scan2nurbs.cli.outputs import CAD, MESHES, POINTS, REPORTS, check_outputs, check_rhino
 from scan2nurbs.cli.part_options import STAGES, effective, inputs, part_params
-from scan2nurbs.cli.segment import face_facts, write_faces
 from scan2nurbs.cli.session import running
 
 if TYPE_CHECKING:
-    from scan2nurbs.part import Model, PartParams
+    from scan2nurbs.part import Model
     from scan2nurbs.report.pictures import Picture
 
 Schema = Literal["ap242", "ap214"]
@@ -50,9 +49,10 @@ def convert(
     check_rhino(output)
     with running("convert", common, scan) as session:
         from scan2nurbs.part import reconstruct  # noqa: PLC0415
+        from scan2nurbs.part_files import part_facts, part_record, write_deviations  # noqa: PLC0415
 
         model = reconstruct(scan, params, unit=common.unit, progress=session.progress)
-        record = part_record(model, params)
+        record = part_record(model, effective(params))
         with session.watch("write"):
             for path in (output, mesh):
                 if path is not None:
@@ -70,29 +70,6 @@ def convert(
         )
 
 
-def part_record(model: Model, params: PartParams) -> dict[str, Any]:
-    """Make the JSON of a run."""
-    warnings = [*model.cloud.notes, *records.scale_warnings(model.scale), *model.report["warnings"]]
-    head = {"input": records.input_record(model.cloud), "scale": records.scale_record(model.scale)}
-    return head | model.report | {"parameters": effective(params), "warnings": warnings}
-
-
-def part_facts(model: Model) -> list[tuple[str, str]]:
-    """Return the figures that answer the question."""
-    part, unit, found = model.part, model.cloud.unit, model.report["model"]
-    closed = f"{part.n_solids} closed solid{'s' if part.n_solids != 1 else ''}" if part.closed else f"open, {part.n_free_edges} free edges"
-    volume = [("volume", f"{part.volume:.5g} {unit}³")] if part.closed else []
-    return [
-        *face_facts(model)[:3],
-        ("model", f"{'valid' if part.valid else 'NOT valid'}, {closed}"),
-        ("edges", f"{len(part.edges)}, largest tolerance {part.max_tolerance:.2g} {unit}"),
-        *volume,
-        ("rms", f"{found['rms']:.3g} {unit}"),
-        ("noise", f"{model.scale.noise:.3g} {unit}"),
-        ("coverage", f"{part.coverage:.1%} of the scan lie on the model; {part.precision:.1%} of the model lie on the scan"),
-    ]
-
-
 def verdict(model: Model) -> str:
     """Say in one line what came out and how far it lies from the points."""
     import numpy as np  # noqa: PLC0415
@@ -105,21 +82,7 @@ def verdict(model: Model) -> str:
     )
 
 
-def write_deviations(path: Path, model: Model) -> None:
-    """Write every row of the scan with what was found about it."""
-    import numpy as np  # noqa: PLC0415
-
-    cloud = model.cloud
-    write_faces(
-        path,
-        model,
-        strength=cloud.to_rows(model.edges.strength.astype(np.float32), np.nan),
-        edge=cloud.to_rows(model.edges.mask, False),
-        deviation=cloud.to_rows(model.deviation, np.nan),
-    )
-
-
 def _pictures(model: Model) -> list[Picture]:
-    from scan2nurbs.cli.part_pictures import part_pictures  # noqa: PLC0415 - brings matplotlib
+    from scan2nurbs.part_pictures import part_pictures  # noqa: PLC0415 - brings matplotlib
 
     return part_pictures(model)
