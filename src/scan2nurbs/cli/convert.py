@@ -13,9 +13,10 @@ from scan2nurbs.cli.options import Given, takes
 from scan2nurbs.cli.outputs import CAD, MESHES, POINTS, REPORTS, check_outputs, check_rhino
 from scan2nurbs.cli.part_options import STAGES, effective, inputs, part_params
 from scan2nurbs.cli.session import running
+from scan2nurbs.errors import ParameterError
 
 if TYPE_CHECKING:
-    from scan2nurbs.part import Model
+    from scan2nurbs.part import Model, PartParams
     from scan2nurbs.report.pictures import Picture
 
 Schema = Literal["ap242", "ap214"]
@@ -23,7 +24,7 @@ Schema = Literal["ap242", "ap214"]
 
 @takes(*STAGES)
 def convert(
-    scan: Annotated[Path, typer.Argument(metavar="SCAN", help="The scan.")],
+    scan: Annotated[Path | None, typer.Argument(metavar="SCAN", help="The scan.")] = None,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="FILE", help="The CAD model: .step, .iges, .brep or .3dm (or a mesh).")
     ] = None,
@@ -32,6 +33,9 @@ def convert(
         typer.Option(metavar="FILE", help="Every row of the scan with strength, edge, face and deviation: .ply, .npz or .csv."),
     ] = None,
     mesh: Annotated[Path | None, typer.Option(metavar="FILE", help="The model as triangles: .stl, .ply or .obj.")] = None,
+    project: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Instead of SCAN: do again what was done in the studio in this project.")
+    ] = None,
     schema: Annotated[Schema, typer.Option(help="Schema of a STEP file.")] = "ap242",
     *,
     given: Given,
@@ -43,7 +47,12 @@ def convert(
     where the scan closes, into a shell with free borders where it does not. Without options everything is chosen from the scan.
     """
     common = given.common
-    params = part_params(given, read_config(common.config, STAGES), STAGES)
+    if project is not None:
+        scan, params, unit = _replayed(project, scan, given)
+    elif scan is None:
+        raise ParameterError("Name the SCAN to convert, or a --project of the studio.")
+    else:
+        params, unit = part_params(given, read_config(common.config, STAGES), STAGES), common.unit
     outputs = [(output, CAD + MESHES), (points, POINTS), (mesh, MESHES), (common.report, REPORTS)]
     check_outputs(outputs, inputs(scan, given, params.corrections))
     check_rhino(output)
@@ -51,7 +60,7 @@ def convert(
         from scan2nurbs.part import reconstruct  # noqa: PLC0415
         from scan2nurbs.part_files import part_facts, part_record, write_deviations  # noqa: PLC0415
 
-        model = reconstruct(scan, params, unit=common.unit, progress=session.progress)
+        model = reconstruct(scan, params, unit=unit, progress=session.progress)
         record = part_record(model, effective(params))
         with session.watch("write"):
             for path in (output, mesh):
@@ -68,6 +77,16 @@ def convert(
             headline=facts,
             pictures=lambda: _pictures(model),
         )
+
+
+def _replayed(project: Path, scan: Path | None, given: Given) -> tuple[Path, PartParams, str | None]:
+    """Return the scan of a project, the parameters that its edits amount to, and the unit."""
+    from scan2nurbs.studio.project import open_project  # noqa: PLC0415
+
+    if scan is not None or given.common.config is not None or given.common.unit is not None or any(map(given.of, STAGES)):
+        raise ParameterError("A --project says by itself which scan it is about, and all parameters; give no others with it.")
+    opened = open_project(project, check=True)
+    return opened.scan, opened.plan.params, opened.plan.unit
 
 
 def verdict(model: Model) -> str:

@@ -15,7 +15,7 @@ export function layersPanel(store: Store, viewer: Viewer): HTMLElement {
   const body = h("div", {});
   let shown = "";
   const update = () => {
-    const rows = NAMES.filter(([name]) => name === "points" || viewer.layers.get(name)!.parts.length > 0);
+    const rows = NAMES.filter(([name]) => name === "points" || viewer.layers.get(name)!.parts.some((part) => part.object.geometry.getAttribute("position").count > 0));
     const key = rows.map(([name]) => name + String(viewer.layers.get(name)!.on)).join();
     if (key === shown) return;
     shown = key;
