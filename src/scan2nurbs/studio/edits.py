@@ -156,10 +156,10 @@ def _setting(said: Any) -> tuple[str, str, Any]:
     if not isinstance(said, dict) or set(said) != {"stage", "name", "value"}:
         raise ParameterError("A setting must have a stage, a name and a value.")
     stage, name, value = said["stage"], said["name"], said["value"]
-    if stage not in STAGES:
+    if not isinstance(stage, str) or stage not in STAGES:
         raise ParameterError(f"The stages with parameters are {', '.join(STAGES)}. Got {str(stage)[:40]!r} instead.")
     if stage == "scan":
-        if name != "unit" or value not in (None, *UNITS):
+        if name != "unit" or not (value is None or (isinstance(value, str) and value in UNITS)):
             raise ParameterError(f"The unit must be one of {', '.join(UNITS)}.")
         return stage, name, value
     if stage == "relations":

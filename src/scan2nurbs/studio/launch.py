@@ -80,6 +80,7 @@ def _listen(host: str, port: int) -> socket.socket:
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         listening.bind((host, port))
+        listening.listen(128)  # whoever reads the address may come at once
     except OSError as error:
         raise ParameterError(f"The studio cannot listen on {host}, port {port}: {error.strerror}. Try another --port.") from error
     return listening

@@ -37,7 +37,7 @@ from scan2nurbs.studio.workshop import Answer, Workshop
 from scan2nurbs.surfaces.shape import KINDS
 
 Outgoing = str | bytes
-COMPUTED = STEPS[:-1]
+COMPUTED: tuple[Step, ...] = STEPS[:-1]
 
 
 @dataclass(eq=False)
@@ -173,7 +173,7 @@ class Session:
         trouble = await self._ask(do="run", scan=str(project.scan), edits=list(project.done_edits), until=until)
         self.running = None
         if trouble is not None:
-            failed = next((step for step in COMPUTED if not self._is_current(step, plan)), until)
+            failed: Step = next((step for step in COMPUTED if not self._is_current(step, plan)), until)
             self._troubles[failed] = (plan.key(failed), trouble)
         elif STEPS.index(until) > STEPS.index(self._opened().reached) and self._is_current(until, plan):
             self.project = replace(self._opened(), reached=until)

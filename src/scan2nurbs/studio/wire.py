@@ -30,7 +30,7 @@ def from_text(text: str) -> FromPage:
     except (ValueError, RecursionError):
         raise ParameterError("The message is no JSON.") from None
     known = {kind.__name__: kind for kind in FROM_PAGE}
-    kind = known.get(content.pop("type", None)) if isinstance(content, dict) else None
+    kind = known.get(str(content.pop("type", None))) if isinstance(content, dict) else None
     if kind is None:
         raise ParameterError(f"The message must be an object with a 'type' of {', '.join(known)}.")
     hints = get_type_hints(kind)
