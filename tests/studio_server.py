@@ -97,19 +97,19 @@ class Studio:
         return code
 
 
-def say(page, kind: str, **content) -> None:
+def say(page, name: str, **content) -> None:
     """Send a message as the page does."""
-    page.send(json.dumps({"type": kind, **content}))
+    page.send(json.dumps({"type": name, **content}))
 
 
-def hear(page, kind: str, when=lambda _message: True, seconds: float = 60.0) -> dict:
+def hear(page, name: str, when=lambda _message: True, seconds: float = 60.0) -> dict:
     """Wait for a message."""
     end = time.monotonic() + seconds
     while True:
         message = page.recv(timeout=max(end - time.monotonic(), 0.01))
         if isinstance(message, str):
             content = json.loads(message)
-            if content["type"] == kind and when(content):
+            if content["type"] == name and when(content):
                 return content
 
 
