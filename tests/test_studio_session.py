@@ -20,7 +20,7 @@ from scan2nurbs.studio.frames import unpack  # noqa: E402
 
 @pytest.fixture
 def scan(tmp_path) -> Path:
-    return studio_server.small_part(tmp_path / "step.ply", step=0.6)
+    return studio_server.small_part(tmp_path / "step.ply", step=0.4)
 
 
 def figures(state: dict, step: str) -> dict[str, str]:
