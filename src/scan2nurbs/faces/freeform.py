@@ -1,163 +1,234 @@
-"""Tell freeform faces from primitives: pieces that primitives cut from a smooth surface are biased along the borders between them."""
+"""Tell freeform faces from primitives: what primitives cut from a smooth surface meets smoothly, but is not tangent."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scan2nurbs.faces.compete import Sheet, grouped
-from scan2nurbs.faces.model_shapes import field, signed_distances
-from scan2nurbs.faces.unite import contacts
-from scan2nurbs.kernels.primitives import refine
+from scan2nurbs.errors import InputError, NoResultError
+from scan2nurbs.faces.charts import charts
+from scan2nurbs.faces.compete import MODEL_COST
+from scan2nurbs.faces.contacts import Contact, Contacts, face_contacts, smooth_contacts
+from scan2nurbs.scale import Scale
+from scan2nurbs.surfaces.explain import study
+from scan2nurbs.surfaces.relations import doubt_tangency
+from scan2nurbs.surfaces.shape import KINDS, Kind
+from scan2nurbs.surfaces.shape_fit import ShapeFit, choose_shape, fit_shape
+from scan2nurbs.surfaces.shape_parameters import COLUMNS
 
-TURN = 15.0
-"""Degrees: pieces of one smooth surface turn by less where they meet."""
 BAND = 4
-"""Rings of neighbours from a border within which its bias is measured."""
-BOTH, EITHER = 0.3, 0.6
-"""Bias, in standard deviations, of the less and of the more biased side: more of both and the border is none."""
-LEAST_INSIDE = 40
-ABSORBING_ROUNDS = 6
-SMALL, RUNS_ON = 0.2, 2.0
-"""A piece is small with less than this share of a freeform face's points; its points lie within so many deviations, root mean square."""
-MEETING = 0.5
-"""Surfaces that meet pass within this many h of the points at their border, and noise."""
+"""Rings of neighbours from a border over which a surface runs on."""
+RUNS_ON = 2.0
+"""A surface runs on over points that lie within so many deviations of it, root mean square; a fillet bends away much faster."""
+PARTS = 4.0
+"""The same for the other way about: the smaller of two pieces is known less well."""
+LEAST_DEVIATION = 0.15
+"""Smallest deviation that counts there, in h: the smaller the noise, the smaller the pieces, and the sooner they part."""
+KINK = 35.0
+"""Degrees by which pieces of a freeform face may turn where they meet: the smaller they are, the more."""
+LEAST_BORDER = 4.0
+"""Borders shorter than this, in h, may be corners where faces touch that have no edge in common."""
+CREASED = 0.5
+"""A border is a crease where so large a share of its points is on an edge."""
+MOST = 0.5
+SMALL = 0.2
+"""A piece is small with less than this share of a freeform face's points: it joins without further evidence."""
+ROUGHEST = 1.25
+"""A freeform surface explains its points with residuals up to this many times those of the pieces."""
+
+
+WIDEST = (65.0, 45.0, 30.0)
+"""Degrees by which normals of a chart may lean away from their mean: at first a height field with a margin."""
 
 
 @dataclass(frozen=True)
-class Contact:
-    """The common border of two labels: points on either side of it."""
+class Pieces:
+    """A labelled cloud with a fit for each label.
 
-    pair: tuple[int, int]
-    sides: tuple[NDArray[np.int64], NDArray[np.int64]]
+    Attributes
+    ----------
+    points : (N, 3) float64
+    normals : (N, 3) float64
+        As lines; NaN where unknown.
+    label : (N,) int32
+    fits : tuple of ShapeFit
+    """
+
+    points: NDArray[np.float64]
+    normals: NDArray[np.float64]
+    label: NDArray[np.int32]
+    fits: tuple[ShapeFit, ...]
 
 
-def freeform_groups(sheet: Sheet, label: NDArray[np.int32], models: NDArray[np.float64]) -> NDArray[np.int32]:
-    """Group the models that are pieces of the same freeform face.
+def join_freeform(pieces: Pieces, on_edge: NDArray[np.bool_], scale: Scale, noise: float, kinds: Sequence[Kind] = KINDS) -> Pieces:
+    """Join the pieces of freeform faces, wherever one B-spline surface is the shorter description of their points.
 
     Parameters
     ----------
-    sheet : Sheet
-    label : (N,) int32
-    models : (M, SIZE) float64
+    pieces : Pieces
+    on_edge : (N,) bool
+        Points on creases.
+    scale : Scale
+        Of all points.
+    noise : float
+        Standard deviation of the points across the surface, in their unit.
+    kinds : sequence of str
+        Kinds of surfaces that joined faces may have.
 
     Returns
     -------
-    (M,) int32
-        The lowest model of each one's group.
+    Pieces
+        Joined faces keep the lowest of their labels; the other labels are empty.
 
     Notes
     -----
-    Each model is fitted anew to its points away from smooth borders. A true surface continues without bias up to its border; a primitive
-    that was stretched over a part of something else leaves it on both sides.
+    Neighbours that meet smoothly and are not tangent (`relations.doubt_tangency`), over a border where each surface runs on over the
+    other's points, are pieces of one face. What they make is fitted by one surface; where that folds or is worse, by one for each of a few
+    charts.
     """
-    meeting = _smooth_contacts(sheet, label, models)
-    bands = [tuple(_rings(sheet, label, side, BAND) for side in contact.sides) for contact in meeting]
-    near = np.zeros(len(label), bool)
-    for pair in bands:
-        for band in pair:
-            near[band] = True
-    inner = _fit_inside(sheet, label, models, near)
-    d = np.full(len(label), np.nan)
-    order, starts = grouped(label, len(models))
-    for i in range(len(models)):
-        mine = order[starts[i] : starts[i + 1]]
-        d[mine] = signed_distances(inner[i], sheet.points[mine])
-    mean = _smoothed(np.clip(d / sheet.sigma, -5.0, 5.0), label, sheet.neighbours)
-    noise = _smoothed(np.random.default_rng(0).normal(size=len(label)), label, sheet.neighbours)
-    parent = np.arange(len(models), dtype=np.int32)
-    for contact, (left, right) in zip(meeting, bands, strict=True):
-        low, high = sorted(_bias(mean[band], noise[band]) for band in (left, right))
-        if low > BOTH and high > EITHER:
-            a, b = sorted((_root(parent, contact.pair[0]), _root(parent, contact.pair[1])))
-            parent[b] = a
-    _absorb(sheet, label, inner, meeting, bands, parent)
-    return np.array([_root(parent, i) for i in range(len(models))], np.int32)
+    contacts = face_contacts(pieces.label, scale)
+    bent = smooth_contacts(pieces.points, pieces.label, contacts, pieces.fits, scale, KINK)
+    smooth = smooth_contacts(pieces.points, pieces.label, replace(contacts, found=bent), pieces.fits, scale)
+    doubts = doubt_tangency(pieces.points, pieces.label, pieces.fits, [c.pair for c in smooth], noise=max(noise, 0.01 * scale.h), h=scale.h)
+    least = max(noise, LEAST_DEVIATION * scale.h)
+    bent = tuple(c for c in bent if not _creased(pieces, c, on_edge, scale.h))
+    clear = {c.pair for c in bent}
+    joins = [c.pair for c in smooth if c.pair in clear and doubts[c.pair] > 1.0 and _run_on(pieces, contacts, c, least)]
+    parent = _joined(len(pieces.fits), joins)
+    parent = _continued(pieces, [c.pair for c in bent if doubts.get(c.pair, np.inf) > 1.0], joins, parent)
+    parent = _absorbed(pieces, contacts, smooth, parent, least)
+    label, fits = pieces.label.copy(), list(pieces.fits)
+    for group in _groups(parent):
+        for members, fit in _fitted(pieces, group, [c for c in bent if c.pair[0] in group and c.pair[1] in group], kinds, noise):
+            label[np.isin(label, members)] = members[0]
+            fits[members[0]] = fit
+    return replace(pieces, label=label, fits=tuple(fits))
 
 
-def _absorb(
-    sheet: Sheet,
-    label: NDArray[np.int32],
-    inner: NDArray[np.float64],
-    meeting: list[Contact],
-    bands: list[tuple[NDArray[np.int64], ...]],
-    parent: NDArray[np.int32],
-) -> None:
-    """Give freeform faces the small pieces beside them onto which their surface runs on; a fillet bends away much faster."""
-    size = np.bincount(label[label >= 0], minlength=len(parent))
-    for _ in range(ABSORBING_ROUNDS):
-        root = np.array([_root(parent, i) for i in range(len(parent))], np.int64)
-        members, total = np.bincount(root, minlength=len(parent)), np.bincount(root, weights=size, minlength=len(parent))
-        before = parent.copy()
-        for contact, both in zip(meeting, bands, strict=True):
-            for own, other, band in ((*contact.pair, both[1]), (*contact.pair[::-1], both[0])):
-                group, small = root[own], root[other]
-                if group == small or members[group] < 2 or total[small] > SMALL * total[group]:
-                    continue
-                d = np.abs(signed_distances(inner[own], sheet.points[band])) / sheet.sigma
-                if np.sqrt(np.mean(np.minimum(d, 5.0) ** 2)) < RUNS_ON:
-                    a, b = sorted((_root(parent, int(group)), _root(parent, int(small))))
-                    parent[b] = a
-        if (parent == before).all():
-            break
+def _creased(pieces: Pieces, contact: Contact, on_edge: NDArray[np.bool_], h: float) -> bool:
+    """Tell whether a border is a crease, or too short to tell."""
+    rows = np.concatenate(contact.sides)
+    return float(np.ptp(pieces.points[rows], axis=0).max()) < LEAST_BORDER * h or float(np.mean(on_edge[rows])) > CREASED
 
 
-def _bias(mean: NDArray[np.float64], noise: NDArray[np.float64]) -> float:
-    return float(np.sqrt(max(np.mean(mean**2) - np.mean(noise**2), 0.0)))
+def _run_on(pieces: Pieces, contacts: Contacts, contact: Contact, noise: float) -> bool:
+    """Tell whether the surfaces of two pieces run on over each other's points beside their border."""
+    over = _runs_on(pieces, contacts, contact, noise)
+    return min(over) < RUNS_ON and max(over) < PARTS
 
 
-def _smooth_contacts(sheet: Sheet, label: NDArray[np.int32], models: NDArray[np.float64]) -> list[Contact]:
-    pairs, _, _ = contacts(label, sheet.neighbours)
-    order, starts = grouped(label, len(models))
-    found = []
+def _runs_on(pieces: Pieces, contacts: Contacts, contact: Contact, noise: float) -> tuple[float, float]:
+    """Return how far the points beside the border lie from the other's surface, either way, root mean square in deviations."""
+    out = []
+    for own, side in ((contact.pair[0], contact.sides[1]), (contact.pair[1], contact.sides[0])):
+        band = contacts.band(side, pieces.label, BAND)
+        d = pieces.fits[own].shape.distance(pieces.points[band]) / noise
+        out.append(float(np.sqrt(np.mean(np.minimum(d * d, 25.0)))))
+    return out[0], out[1]
+
+
+def _continued(pieces: Pieces, pairs: list[tuple[int, int]], joins: list[tuple[int, int]], parent: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Let what is freeform for certain go on up to the next crease; where most points are on it, over pieces that stand alone, too."""
+    size = np.bincount(pieces.label[pieces.label >= 0], minlength=len(parent))
+    while True:
+        free = np.bincount(parent, minlength=len(parent))[parent] > 1
+        organic = size[free].sum() > MOST * size.sum()
+        more = [pair for pair in pairs if (free[list(pair)].any() if organic else free[list(pair)].all())]
+        wider = _joined(len(parent), [*joins, *more])
+        if (wider == parent).all():
+            return parent
+        parent = wider
+
+
+def _absorbed(
+    pieces: Pieces, contacts: Contacts, smooth: tuple[Contact, ...], parent: NDArray[np.int64], noise: float
+) -> NDArray[np.int64]:
+    """Give freeform faces the small pieces beside them onto which their surface runs on."""
+    size = np.bincount(pieces.label[pieces.label >= 0], minlength=len(parent))
+    reach = {c.pair: _runs_on(pieces, contacts, c, noise) for c in smooth}
+    while True:
+        members, total = np.bincount(parent, minlength=len(parent)), np.bincount(parent, weights=size, minlength=len(parent))
+        more = []
+        for (i, j), (over_j, over_i) in reach.items():
+            for own, other, over in ((i, j, over_j), (j, i, over_i)):
+                group, small = parent[own], parent[other]
+                if group != small and members[group] > 1 and total[small] <= SMALL * total[group] and over < RUNS_ON:
+                    more.append((int(group), int(small)))
+        if not more:
+            return parent
+        parent = _joined(len(parent), [*enumerate(parent.tolist()), *more])
+
+
+def _joined(n: int, pairs: list[tuple[int, int]]) -> NDArray[np.int64]:
+    """Return the lowest member of the group of each of n, given which ones belong together."""
+    parent = list(range(n))
+
+    def root(i: int) -> int:
+        while parent[i] != i:
+            parent[i] = parent[parent[i]]
+            i = parent[i]
+        return i
+
     for i, j in pairs:
-        sides = []
-        for own, other in ((i, j), (j, i)):
-            mine = order[starts[own] : starts[own + 1]]
-            sides.append(mine[(label[sheet.neighbours[mine]] == other).any(axis=1)].astype(np.int64))
-        if min(len(s) for s in sides) < 3:
-            continue
-        place = sheet.points[np.concatenate(sides)]
-        first, second = field(models[i], place), field(models[j], place)
-        dot = np.abs(np.einsum("ij,ij->i", first[:, 1:], second[:, 1:]))
-        apart = np.median(np.maximum(np.abs(first[:, 0]), np.abs(second[:, 0])))
-        if np.median(dot) > np.cos(np.radians(TURN)) and apart < MEETING + 3.0 * sheet.sigma:
-            found.append(Contact(pair=(int(i), int(j)), sides=(sides[0], sides[1])))
+        a, b = sorted((root(i), root(j)))
+        parent[b] = a
+    return np.array([root(i) for i in range(n)], np.int64)
+
+
+def _groups(parent: NDArray[np.int64]) -> list[list[int]]:
+    kept, count = np.unique(parent, return_counts=True)
+    return [np.flatnonzero(parent == k).tolist() for k in kept[count > 1]]
+
+
+def _fitted(
+    pieces: Pieces, group: list[int], smooth: list[Contact], kinds: Sequence[Kind], noise: float
+) -> list[tuple[list[int], ShapeFit]]:
+    """Return the charts of a group with their fits: the whole of it if that pays, else as few as do; what stays as it is, is left out."""
+    whole = _fit(pieces, group, kinds, noise)
+    if whole is not None:
+        return [(group, whole)]
+    found, left = [], [group]
+    for widest in WIDEST:
+        failed = []
+        for part in left:
+            among = [c for c in smooth if c.pair[0] in part and c.pair[1] in part]
+            for chart in charts(pieces.points, pieces.label, pieces.fits, part, among, widest):
+                fit = _fit(pieces, chart, kinds, noise) if 1 < len(chart) < len(group) else None
+                if fit is not None:
+                    found.append((chart, fit))
+                elif len(chart) > 1:
+                    failed.append(chart)
+        left = failed
     return found
 
 
-def _rings(sheet: Sheet, label: NDArray[np.int32], side: NDArray[np.int64], rings: int) -> NDArray[np.int64]:
-    """Return the points of the same label within so many rings of a border's side."""
-    own = label[side[0]]
-    band = side
-    for _ in range(rings - 1):
-        wider = np.unique(sheet.neighbours[band])
-        band = wider[label[wider] == own].astype(np.int64)
-    return band
+def _fit(pieces: Pieces, members: list[int], kinds: Sequence[Kind], noise: float) -> ShapeFit | None:
+    """Return the one surface of some pieces, or None where it does not explain the points or is the longer description."""
+    mine = np.flatnonzero(np.isin(pieces.label, members))
+    p, own = pieces.points[mine], pieces.label[mine]
+    d, cost = np.empty(len(mine)), 0.0
+    for m in members:
+        d[own == m] = pieces.fits[m].shape.distance(p[own == m])
+        cost += MODEL_COST + 0.5 * pieces.fits[m].shape.freedom * np.log(max(int((own == m).sum()), 2))
+    primitives: list[Kind] = [kind for kind in kinds if kind in COLUMNS]
+    for simple in (True, False):
+        try:
+            fit = choose_shape(p, noise=noise, kinds=primitives) if simple else fit_shape("bspline", p, noise=noise)
+        except (NoResultError, InputError):
+            continue
+        off = fit.shape.distance(p)
+        left = study(fit.shape.foot(p), off, max(noise, _rough(d)))
+        # Each control point is determined by the points in its own few spans only.
+        price = MODEL_COST + 0.5 * fit.shape.freedom * np.log(max(len(mine) / fit.shape.freedom, 2.0))
+        # Residuals of the pieces are too small to compare with: each point chose the piece that it is nearest to.
+        explained = left.nothing_left() if simple else left.explained(noise)
+        if explained and price < cost and _rough(off) <= ROUGHEST * max(_rough(d), noise):
+            return fit
+    return None
 
 
-def _fit_inside(sheet: Sheet, label: NDArray[np.int32], models: NDArray[np.float64], near: NDArray[np.bool_]) -> NDArray[np.float64]:
-    order, starts = grouped(label, len(models))
-    out = models.copy()
-    for i in range(len(models)):
-        mine = order[starts[i] : starts[i + 1]]
-        inside = mine[~near[mine]]
-        if len(inside) >= max(LEAST_INSIDE, 0.25 * len(mine)):
-            refine(out[i], sheet.points, inside.astype(np.int32), len(inside), sheet.sigma, 6)
-    return out
-
-
-def _smoothed(values: NDArray[np.float64], label: NDArray[np.int32], neighbours: NDArray[np.int32], rounds: int = 2) -> NDArray[np.float64]:
-    """Average values over the neighbours of the same label, ring by ring."""
-    same = (label[neighbours] == label[:, None]) & (neighbours >= 0)
-    for _ in range(rounds):
-        values = (values + np.where(same, values[neighbours], 0.0).sum(axis=1)) / (1 + same.sum(axis=1))
-    return values
-
-
-def _root(parent: NDArray[np.int32], i: int) -> int:
-    while parent[i] != i:
-        i = int(parent[i])
-    return i
+def _rough(d: NDArray[np.float64]) -> float:
+    return float(np.sqrt(np.mean(np.minimum(np.abs(d), 5.0 * np.median(np.abs(d))) ** 2)))

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from scan2nurbs.edges.detect import Edges
 from scan2nurbs.errors import ParameterError
 from scan2nurbs.faces.compete import Sheet, along_the_surface, link_weights
-from scan2nurbs.faces.finish import face_fits, rank_faces, smooth_pairs, spread_labels
-from scan2nurbs.faces.freeform import freeform_groups
+from scan2nurbs.faces.contacts import face_contacts, smooth_contacts
+from scan2nurbs.faces.finish import face_fits, rank_faces, spread_labels
+from scan2nurbs.faces.freeform import Pieces, join_freeform
 from scan2nurbs.faces.primitives import find_primitives
 from scan2nurbs.kernels.bends import bends
 from scan2nurbs.kernels.nearest import nearest_neighbours
@@ -122,15 +123,19 @@ def segment_points(
     sheet, one_sided, curvature = _sheet(part_scale, edges.normal[chosen], params)
     kinds = allowed_kinds(params.keep_types)
     piece, models = find_primitives(sheet, one_sided, curvature, kinds, params.min_points, progress)
-    group = freeform_groups(sheet, piece, models) if kinds[PATCH] else np.arange(len(models), dtype=np.int32)
     label = np.empty(len(chosen), np.int32)
     label[part_scale.cells.order] = piece
     if len(chosen) < len(points):
         label = spread_labels(points, label, part_scale, models, sheet)
-    label[label >= 0] = group[label[label >= 0]]
-    label, members = rank_faces(label, group, params.max_faces)
-    fits = face_fits(points, edges.normal, label, [models[m] for m in members], sheet.sigma * part_scale.h, part_scale.h)
-    return Faces(label=label, fits=fits, smooth=smooth_pairs(points[chosen], label[chosen], fits, part_scale))
+    noise = sheet.sigma * part_scale.h
+    label, kept = rank_faces(label, None)
+    pieces = Pieces(points, edges.normal, label, face_fits(points, edges.normal, label, models[kept], noise, part_scale.h))
+    if kinds[PATCH]:
+        pieces = join_freeform(pieces, edges.mask, scale, noise, [kind for kind in KINDS if kind in (params.keep_types or KINDS)])
+    label, kept = rank_faces(pieces.label, params.max_faces)
+    fits = tuple(pieces.fits[k] for k in kept)
+    smooth = smooth_contacts(points, label, face_contacts(label, scale), fits, scale)
+    return Faces(label=label, fits=fits, smooth=frozenset(contact.pair for contact in smooth))
 
 
 def _sheet(scale: Scale, normals: NDArray[np.float64], params: SegmentParams) -> tuple[Sheet, NDArray[np.float64], NDArray[np.float64]]:

@@ -67,7 +67,20 @@ def unite(
         order, starts = grouped(label, len(models))
         gains, united = np.empty(len(pairs)), np.zeros((len(pairs), models.shape[1]))
         unite_pairs(
-            sheet.points, sheet.normals, sheet.neighbours, order, starts, pairs, place, kinds, sheet.sigma, models, values, gains, united
+            sheet.points,
+            sheet.normals,
+            sheet.neighbours,
+            label,
+            order,
+            starts,
+            pairs,
+            place,
+            kinds,
+            sheet.sigma,
+            models,
+            values,
+            gains,
+            united,
         )
         gains = np.nan_to_num(gains, nan=-np.inf, posinf=np.inf, neginf=-np.inf)  # neither can be fitted, nor both
         changed: set[int] = set()

@@ -11,6 +11,8 @@ from scan2nurbs.kernels.starts import best_start, curvatures
 
 MOST = 3000
 START = 120
+COINCIDENT = 3.0
+"""Two surfaces nearly coincide where a point's distances from both sum up to less than so many standard deviations."""
 PER_PARAMETER = 2.0
 """What a parameter costs more than by the criterion of Schwarz: borders are never clean, nor is noise quite normal."""
 
@@ -139,7 +141,37 @@ def refit_all(points, normals, neighbours, order, starts, depth, kinds, sigma, m
 
 
 @kernel
-def unite_pairs(points, normals, neighbours, order, starts, pairs, seeds, kinds, sigma, models, values, gains, united):
+def chosen_by_noise(points, neighbours, label, index, n, i, j, models, sigma):
+    """Return by how much the misfit of two regions is too small because points chose the nearer surface where the two nearly coincide.
+
+    There most of a point's neighbours, whose noise is not its own, tell which of the two it belongs to.
+    """
+    total = 0.0
+    for k in range(n):
+        p = index[k]
+        own = label[p]
+        other = j if own == i else i
+        here, _, _, _ = distance_of(models[own], points[p, 0], points[p, 1], points[p, 2])
+        there, _, _, _ = distance_of(models[other], points[p, 0], points[p, 1], points[p, 2])
+        a, b = abs(here), abs(there)
+        if not a + b < COINCIDENT * sigma:
+            continue
+        votes = 0
+        for q in range(neighbours.shape[1]):
+            near = neighbours[p, q]
+            if near >= 0 and near != p:
+                if label[near] == own:
+                    votes += 1
+                elif label[near] == other:
+                    votes -= 1
+        if votes < 0:
+            s, t = a / sigma, b / sigma
+            total += min(0.5 * t * t, DISTANCE_CAP) - min(0.5 * s * s, DISTANCE_CAP)
+    return total
+
+
+@kernel
+def unite_pairs(points, normals, neighbours, label, order, starts, pairs, seeds, kinds, sigma, models, values, gains, united):
     """Fit both regions of each pair as one, and tell how much the criteria of the two exceed that of the one."""
     stamp = np.zeros(len(points), np.int32)
     for p in range(len(pairs)):
@@ -155,7 +187,7 @@ def unite_pairs(points, normals, neighbours, order, starts, pairs, seeds, kinds,
         gains[p] = -np.inf
         best = np.inf
         m = models[i].copy()
-        before = values[i] + values[j]
+        before = values[i] + values[j] + chosen_by_noise(points, neighbours, label, index, n, i, j, models, sigma)
         # Whatever one surface explains, one of the two models nearly does: unless both are small, try no new kinds.
         for start in (i, j):
             m[:] = models[start]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,6 +51,23 @@ def select_relations(
     return kept, refused, filter_.shapes
 
 
+def tangency_doubts(known: Sequence[Known], tangent: Sequence[tuple[Candidate, ...]], floors: Floors) -> dict[tuple[int, int], float]:
+    """Return, for each pair of faces (i < j), how badly its best way of tangency holds: beyond one the points speak against it."""
+    alone = _Filter(known, floors)
+    found = ((ways[0].faces, alone.judge(ways, _SMOOTH_PROBABILITY, _SMOOTH_FLOOR).doubt) for ways in tangent)
+    return {(min(faces), max(faces)): doubt for faces, doubt in found}
+
+
+class _Judged(NamedTuple):
+    """A relation, its Wald statistic over the threshold, and what imposing it takes."""
+
+    doubt: float
+    way: Candidate
+    at: NDArray[np.int64]
+    values: Values | None
+    floor: Floats
+
+
 class _Filter:
     """Parameters of all primitives with their joint covariance."""
 
@@ -67,21 +85,26 @@ class _Filter:
         """Return how badly the worse of two faces is known."""
         return max(float(self.covariance[at, at].sum()) for at in (self.at[face] for face in ways[0].faces))
 
-    def take(self, ways: tuple[Candidate, ...], probability: float, factor: float) -> Candidate | None:
-        """Impose the best of several relations if it holds; return it."""
-        best, found = 1.0, None
+    def judge(self, ways: tuple[Candidate, ...], probability: float, factor: float) -> _Judged:
+        """Return the best of several relations with its Wald statistic over its threshold."""
+        best = _Judged(np.inf, ways[0], np.zeros(0, np.int64), None, np.zeros(0))
         for way in ways:
             index = np.concatenate([self.at[f] for f in way.faces])
             values = evaluate(way.equations, self.shapes[way.faces[0]], self.shapes[way.faces[1]])
             floor = factor * np.array([self.floors.angle if u == ANGLE else self.floors.length for u in values.unit])
             spread = values.slope @ self.covariance[np.ix_(index, index)] @ values.slope.T + np.diag(floor**2)
             fit = float(values.value @ np.linalg.solve(spread, values.value)) / float(chi2.ppf(probability, len(floor)))
-            if fit <= best:
-                best, found = fit, (way, index, values, floor)
-        if found is None:
+            if fit <= best.doubt:
+                best = _Judged(fit, way, index, values, floor)
+        return best
+
+    def take(self, ways: tuple[Candidate, ...], probability: float, factor: float) -> Candidate | None:
+        """Impose the best of several relations if it holds; return it."""
+        best = self.judge(ways, probability, factor)
+        if best.values is None or best.doubt > 1.0:
             return None
-        self._impose(*found[1:])
-        return found[0]
+        self._impose(best.at, best.values, best.floor)
+        return best.way
 
     def _impose(self, index: NDArray[np.int64], values: Values, floor: Floats) -> None:
         reach = self.covariance[:, index] @ values.slope.T

@@ -13,7 +13,7 @@ from scipy.stats import chi2
 from scan2nurbs.errors import ParameterError
 from scan2nurbs.surfaces.constraints import ANGLE, evaluate
 from scan2nurbs.surfaces.relation_search import Candidate, Floors, Known, find_relations, find_tangencies
-from scan2nurbs.surfaces.relation_select import select_relations
+from scan2nurbs.surfaces.relation_select import select_relations, tangency_doubts
 from scan2nurbs.surfaces.relation_solve import JointFit, Member, fit_jointly, normal_system
 from scan2nurbs.surfaces.shape import Floats, inverse
 from scan2nurbs.surfaces.shape_fit import ShapeFit
@@ -133,7 +133,7 @@ def impose_relations(
     """
     params = params or RelationParams()
     part = _Part.make(points, label, fits, noise, h)
-    floors = Floors(np.radians(params.angle), max(params.length * noise, 0.01 * h) / part.extent)
+    floors = part.floors(params, noise, h)
     known = part.known()
     found = [c for c in find_relations(known, floors) if c.kind in params.kinds]
     tangent = find_tangencies(known, sorted({(min(p), max(p)) for p in smooth})) if "tangent" in params.kinds else []
@@ -155,6 +155,45 @@ def impose_relations(
     if not active:
         return Related(tuple(fits), (), _notes(dropped))
     return _result(part, fits, joint, active, dropped)
+
+
+def doubt_tangency(
+    points: Floats,
+    label: NDArray[np.int32],
+    fits: Sequence[ShapeFit],
+    smooth: Iterable[tuple[int, int]],
+    *,
+    noise: float,
+    h: float,
+    params: RelationParams | None = None,
+) -> dict[tuple[int, int], float]:
+    """Tell how clearly the points speak against faces being tangent along the border where they meet smoothly.
+
+    Parameters
+    ----------
+    points, label, fits, noise, h, params
+        See `impose_relations`.
+    smooth : iterable of (int, int)
+        Pairs of faces.
+
+    Returns
+    -------
+    dict
+        For each pair (i < j) the Wald statistic of its best way to be tangent, over the threshold: at most one where they may be tangent;
+        infinite where surfaces of these kinds cannot be, or are no primitives.
+
+    Notes
+    -----
+    Primitives of a designed part that meet smoothly are tangent exactly. Primitives that merely approximate pieces of one freeform surface
+    are not, and their parameters are known well enough to see it.
+    """
+    params = params or RelationParams()
+    part = _Part.make(points, label, fits, noise, h)
+    floors = part.floors(params, noise, h)
+    pairs = sorted({(min(p), max(p)) for p in smooth})
+    known = part.known()
+    doubts = tangency_doubts(known, find_tangencies(known, pairs), floors)
+    return {pair: doubts.get(pair, np.inf) for pair in pairs}
 
 
 @dataclass(frozen=True)
@@ -187,6 +226,9 @@ class _Part:
             members.append(Member(face, own, sigma, len(mine) / len(own)))
         place = {m.face: i for i, m in enumerate(members)}
         return _Part(middle, extent, shapes, members, place, [_rms(s, m) for s, m in zip(shapes, members, strict=True)])
+
+    def floors(self, params: RelationParams, noise: float, h: float) -> Floors:
+        return Floors(np.radians(params.angle), max(params.length * noise, 0.01 * h) / self.extent)
 
     def known(self) -> list[Known]:
         return [Known(m.face, s, inverse(normal_system(s, m)[0])) for s, m in zip(self.shapes, self.members, strict=True)]
