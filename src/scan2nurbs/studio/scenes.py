@@ -158,7 +158,7 @@ class Scenes:
         figures = [
             ("Surfaces", _types(entries)),
             ("Relations made exact", f"{len(relations)}"),
-            ("Borders", f"{len(topology.borders)}, {sum(-1 in border.faces for border in topology.borders)} where the scan ends"),
+            ("Borders", f"{len(topology.borders)}, {sum(-1 in border.faces for border in topology.borders)} free"),
             ("Bodies", f"{len(topology.closed)}, {sum(topology.closed)} closed"),
             ("Deviation", _rms(deviation, parted.cloud.unit)),
         ]
@@ -182,8 +182,8 @@ class Scenes:
             ("Faces", f"{len(part.faces)}"),
             ("Edges", f"{len(part.edges)}, largest tolerance {part.max_tolerance:.2g} {unit}"),
             ("Volume", f"{part.volume:.5g} {unit}³" if part.closed else "none: the body is open"),
-            ("Coverage", f"{part.coverage:.1%} of the scan lie on the model"),
-            ("Precision", f"{part.precision:.1%} of the model lie on the scan"),
+            ("Coverage", f"{part.coverage:.1%} of the scan on it"),
+            ("Precision", f"{part.precision:.1%} of it on the scan"),
             ("Deviation", _rms(model.deviation, unit)),
         ]
         entries = _entries(model, model.deviation)

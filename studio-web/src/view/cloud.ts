@@ -4,8 +4,9 @@ import type { Values } from "../frames";
 import { rampTexture } from "./colours";
 import { PICK_FRAGMENT, PICK_POINTS_VERTEX, POINTS_FRAGMENT, POINTS_VERTEX } from "./shaders";
 
-/** So many points are drawn while the view moves. */
-export const MOVING = 250_000;
+/** So many points are drawn while the view moves, at first; then as many as the graphics card can draw smoothly. */
+const MOVING = 250_000;
+const FEWEST = 20_000;
 export const COLOURINGS = ["plain", "height", "strength", "face", "deviation"] as const;
 const COLUMNS = ["strength", "deviation", "dn", "vdn", "face", "corrected", "chosen"];
 
@@ -30,6 +31,7 @@ export class Cloud {
     opacity: { value: 1 },
   };
   readonly chosen: Uint8Array;
+  moving = MOVING;
 
   constructor(
     readonly positions: Float32Array,
@@ -73,7 +75,13 @@ export class Cloud {
   }
 
   draw(moving: boolean): void {
-    this.geometry.setDrawRange(0, moving ? Math.min(MOVING, this.n) : this.n);
+    this.geometry.setDrawRange(0, moving ? Math.min(this.moving, this.n) : this.n);
+  }
+
+  /** Draw fewer points where the last frame of a movement took too long, more where there was time left. */
+  adapt(milliseconds: number): void {
+    if (milliseconds > 40) this.moving = Math.max(FEWEST, Math.round(this.moving * 0.7));
+    else if (milliseconds < 20) this.moving = Math.min(Math.max(this.n, FEWEST), Math.round(this.moving * 1.15));
   }
 
   fade(opacity: number): void {

@@ -8,6 +8,8 @@ import type { Viewer } from "./viewer";
 
 const CURVE = 0xffe9a8;
 const FREE = 0xff5a5a;
+/** Of surfaces under points that are coloured by their distance from them. */
+const GREY = [0.4, 0.45, 0.5];
 const TITLES: Record<Colouring, string> = { plain: "", height: "Height", strength: "Edge strength", face: "Faces", deviation: "Deviation" };
 
 export class Sync {
@@ -46,6 +48,7 @@ export class Sync {
 
   live(threshold: number, alpha: number): void {
     [this.threshold, this.alpha] = [threshold, alpha];
+    this.viewer.touch();
     this.store.tell("threshold");
   }
 
@@ -107,7 +110,8 @@ export class Sync {
     const cloud = viewer.cloud;
     if (!cloud) return;
     const entries = store.entries();
-    const palette = paletteTexture(new Map(entries.map((entry) => [entry.number, entry.colour])), store.faces);
+    const neutral = this.colouring === "deviation" && store.step === "surfaces" && store.faces.length === 0;
+    const palette = paletteTexture(new Map(entries.map((entry) => [entry.number, neutral ? GREY : entry.colour])), store.faces);
     viewer.palette.palette.value?.dispose();
     viewer.palette.palette.value = palette.map;
     viewer.palette.paletteSize.value = palette.size;

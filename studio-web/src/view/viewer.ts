@@ -21,10 +21,12 @@ export class Viewer {
   private readonly scene = new THREE.Scene();
   private readonly picker: Picker;
   private waiting = false;
+  private lastMoving = 0;
   private movingUntil = 0;
+  private settling = 0;
 
   constructor(private readonly home: HTMLElement) {
-    this.renderer = new THREE.WebGLRenderer({ canvas: this.canvas, antialias: true, preserveDrawingBuffer: true });
+    this.renderer = new THREE.WebGLRenderer({ canvas: this.canvas, antialias: !software(), preserveDrawingBuffer: true });
     this.renderer.setClearColor(0x10161d, 1);
     this.picker = new Picker(this.renderer);
     this.canvas.tabIndex = 0;
@@ -110,7 +112,9 @@ export class Viewer {
     this.times.push(performance.now() - start);
     if (this.times.length > 200) this.times.shift();
     this.onDrawn();
-    if (moving) setTimeout(() => this.draw(), this.movingUntil - start + 1);
+    if (moving && this.lastMoving > 0) this.cloud?.adapt(start - this.lastMoving);
+    this.lastMoving = moving ? start : 0;
+    if (moving) this.settleLater();
   }
 
   /** Draw a frame, wait until the graphics card is done, and return the milliseconds. */
@@ -120,14 +124,25 @@ export class Viewer {
     this.render();
     const gl = this.renderer.getContext();
     gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
-    this.movingUntil = 0;
+    this.movingUntil = this.lastMoving = 0;
+    clearTimeout(this.settling);
     return performance.now() - start;
   }
 
-  private moved(): void {
+  private settleLater(): void {
+    clearTimeout(this.settling);
+    this.settling = window.setTimeout(() => this.draw(), Math.max(this.movingUntil - performance.now(), 0) + 1);
+  }
+
+  /** Something moves: draw as many points as can be drawn smoothly, and all of them once it rests. */
+  touch(): void {
     this.movingUntil = performance.now() + SETTLE;
-    this.cameras.settle();
     this.draw();
+  }
+
+  private moved(): void {
+    this.cameras.settle();
+    this.touch();
   }
 
   private prepare(): void {
@@ -144,4 +159,13 @@ export class Viewer {
     this.cameras.resize(this.width, this.height);
     this.draw();
   }
+}
+
+/** Whether pictures are drawn by the processor: smooth lines would cost too much then. */
+function software(): boolean {
+  const gl = document.createElement("canvas").getContext("webgl2");
+  const info = gl?.getExtension("WEBGL_debug_renderer_info");
+  const name = gl && info ? String(gl.getParameter(info.UNMASKED_RENDERER_WEBGL)) : "";
+  gl?.getExtension("WEBGL_lose_context")?.loseContext();
+  return /swiftshader|llvmpipe|software/i.test(name);
 }
