@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,16 +13,23 @@ playwright_api = pytest.importorskip("playwright.sync_api", reason="playwright i
 pytest.importorskip("starlette", reason="the studio is an extra")
 
 import studio_server  # noqa: E402
-from studio_server import Studio  # noqa: E402
-
 from scan2nurbs.cli.main import main  # noqa: E402
+from studio_server import Studio  # noqa: E402
 
 CHROMIUM = next((path for path in map(shutil.which, ("chromium", "chromium-browser", "google-chrome")) if path), None)
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium on this machine")
-ARGUMENTS = (
-    "--headless --no-sandbox --use-gl=angle --use-angle=swiftshader --enable-unsafe-swiftshader --disable-quic --no-first-run "
-    "--disable-background-networking --disable-component-update --disable-sync"
-).split()
+ARGUMENTS = [
+    "--headless",
+    "--no-sandbox",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+]
 
 
 @pytest.fixture(scope="module")
@@ -89,71 +97,32 @@ def n_edits(n: int, done: int) -> str:
 def test_from_a_scan_to_a_step_file(browser, studio, tmp_path):
     context = browser.new_context(viewport={"width": 1280, "height": 720})
     person = Person(context, studio.url)
-    page = person.page
     person.done("scan")
     person.wait("studio.viewer.cloud !== null")
-    assert "token" not in page.url
+    assert "token" not in person.page.url
     scan_picture = person.picture()
     assert scan_picture.std() > 0.05  # a blank canvas has none
 
     person.go_on("edges")
-    before = person.picture()
-    assert len(np.unique((before * 16).astype(int).reshape(-1, 3), axis=0)) > 20
-    page.evaluate("const s = document.getElementById('threshold'); s.value = '89'; s.dispatchEvent(new Event('input'))")
-    assert page.evaluate("studio.store.state.edits.length") == 0  # nothing is sent while the slider moves
-    assert np.abs(person.picture() - before).mean() > 0.003
-    page.evaluate("const s = document.getElementById('threshold'); s.value = '20'; s.dispatchEvent(new Event('change'))")
-    person.wait(n_edits(1, 1))
-    person.done("edges")
-
-    visible = person.lasso([(0.2, 0.2), (0.8, 0.2), (0.8, 0.85), (0.2, 0.85)])
-    page.click("#through")
-    through = person.lasso([(0.2, 0.2), (0.8, 0.2), (0.8, 0.85), (0.2, 0.85)])
-    assert 100 < visible < 0.8 * through
-    page.click("#visible")
-    assert 10 < person.lasso([(0.35, 0.3), (0.5, 0.3), (0.5, 0.8), (0.35, 0.8)]) < visible
-    page.click("#boundary-drop")
-    person.wait(n_edits(2, 2))
-    page.wait_for_selector("text=taken away", timeout=30_000)
-    page.keyboard.press("Control+z")
-    person.wait(n_edits(2, 1))
-    page.wait_for_selector("text=taken away", state="detached", timeout=30_000)
-    page.click("#redo")
-    person.wait(n_edits(2, 2))
-    page.wait_for_selector("text=taken away", timeout=30_000)
-
-    page.reload()
+    move_the_threshold(person)
+    correct_edges(person)
+    person.page.reload()
     person.done("edges")
     person.wait(n_edits(2, 2))
-    page.wait_for_selector("text=taken away", timeout=30_000)
+    person.page.wait_for_selector("text=taken away", timeout=30_000)
     person.wait("studio.viewer.cloud !== null")
 
     person.go_on("faces")
-    n_faces = page.evaluate("studio.store.entries().length")
     other = Person(context, studio.origin)  # a second tab
     other.done("faces")
-    page.keyboard.press("t")
-    page.click("#tool-turn")
-    box = page.locator("main canvas").first.bounding_box()
-    page.mouse.click(box["x"] + 0.4 * box["width"], box["y"] + 0.5 * box["height"])
-    person.wait("studio.store.faces.length === 1")  # picked in the picture
-    assert person.lasso([(0.3, 0.2), (0.45, 0.2), (0.45, 0.9), (0.3, 0.9)]) > 50
-    page.click("#face-split")
-    person.wait(f"studio.store.entries().length === {n_faces + 1} && studio.store.status('faces') === 'current'")
-    other.wait(f"studio.store.entries().length === {n_faces + 1}")
+    split_a_face(person, other)
 
     person.go_on("surfaces")
     person.go_on("model")
     model_picture = person.picture()
     assert model_picture.std() > 0.05
     assert np.abs(model_picture - scan_picture).mean() > 0.01
-    page.click("#next")
-    page.click("#export-step")
-    page.wait_for_selector("a.download", timeout=60_000)
-    with page.expect_download() as download:
-        page.click("a.download")
-    exported = tmp_path / "exported.step"
-    download.value.save_as(exported)
+    exported = take_away(person, tmp_path / "exported.step")
     assert person.complaints == other.complaints == []
     context.close()
 
@@ -167,6 +136,61 @@ def test_from_a_scan_to_a_step_file(browser, studio, tmp_path):
         main(["convert", "--project", str(tmp_path / "step.ply.s2n"), "-o", str(again), "--quiet"])
     assert not ended.value.code
     assert again.read_bytes() == exported.read_bytes()
+
+
+def move_the_threshold(person: Person) -> None:
+    page, before = person.page, person.picture()
+    assert len(np.unique((before * 16).astype(int).reshape(-1, 3), axis=0)) > 20
+    page.evaluate("const s = document.getElementById('threshold'); s.value = '89'; s.dispatchEvent(new Event('input'))")
+    assert page.evaluate("studio.store.state.edits.length") == 0  # nothing is sent while the slider moves
+    page.wait_for_timeout(400)
+    assert np.abs(person.picture() - before).mean() > 0.003
+    page.evaluate("const s = document.getElementById('threshold'); s.value = '20'; s.dispatchEvent(new Event('change'))")
+    person.wait(n_edits(1, 1))
+    person.done("edges")
+
+
+def correct_edges(person: Person) -> None:
+    page, whole = person.page, [(0.2, 0.2), (0.8, 0.2), (0.8, 0.85), (0.2, 0.85)]
+    visible = person.lasso(whole)
+    page.click("#through")
+    assert 100 < visible < 0.8 * person.lasso(whole)
+    page.click("#visible")
+    assert 10 < person.lasso([(0.35, 0.3), (0.5, 0.3), (0.5, 0.8), (0.35, 0.8)]) < visible
+    page.click("#boundary-drop")
+    person.wait(n_edits(2, 2))
+    page.wait_for_selector("text=taken away", timeout=30_000)
+    page.keyboard.press("Control+z")
+    person.wait(n_edits(2, 1))
+    page.wait_for_selector("text=taken away", state="detached", timeout=30_000)
+    page.click("#redo")
+    person.wait(n_edits(2, 2))
+    page.wait_for_selector("text=taken away", timeout=30_000)
+
+
+def split_a_face(person: Person, other: Person) -> None:
+    page = person.page
+    n_faces = page.evaluate("studio.store.entries().length")
+    page.keyboard.press("t")
+    page.click("#tool-turn")
+    box = page.locator("main canvas").first.bounding_box()
+    page.mouse.click(box["x"] + 0.4 * box["width"], box["y"] + 0.5 * box["height"])
+    person.wait("studio.store.faces.length === 1")  # picked in the picture
+    assert person.lasso([(0.3, 0.2), (0.45, 0.2), (0.45, 0.9), (0.3, 0.9)]) > 50
+    page.click("#face-split")
+    person.wait(f"studio.store.entries().length === {n_faces + 1} && studio.store.status('faces') === 'current'")
+    other.wait(f"studio.store.entries().length === {n_faces + 1}")
+
+
+def take_away(person: Person, path: Path) -> Path:
+    page = person.page
+    page.click("#next")
+    page.click("#export-step")
+    page.wait_for_selector("a.download", timeout=60_000)
+    with page.expect_download() as download:
+        page.click("a.download")
+    download.value.save_as(path)
+    return path
 
 
 def test_what_a_person_is_told_when_the_studio_is_gone(browser, tmp_path):

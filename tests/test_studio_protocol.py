@@ -19,7 +19,9 @@ from scan2nurbs.studio.sources import RECORD, SOURCES, record
 from scan2nurbs.studio.typescript import typescript
 from scan2nurbs.studio.wire import from_text, to_text
 
-JSON = st.recursive(st.none() | st.booleans() | st.integers() | st.floats() | st.text(), lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner))
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(), lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner)
+)
 
 
 def test_messages_come_back_as_they_were():

@@ -13,9 +13,8 @@ pytest.importorskip("uvicorn", reason="the studio is an extra")
 refusals = pytest.importorskip("websockets.exceptions", reason="the studio is an extra")
 
 import studio_server  # noqa: E402
-from studio_server import Studio, hear, is_current, say  # noqa: E402
-
 from scan2nurbs.studio.launch import is_local  # noqa: E402
+from studio_server import Studio, hear, is_current, say  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -86,9 +85,10 @@ def test_a_websocket_to_a_foreign_host_is_refused(studio):
     from websockets.sync.client import connect
 
     said = {"origin": studio.origin, "additional_headers": {"Cookie": studio.cookie()}}
-    with socket.create_connection(("127.0.0.1", studio.port)) as sock:
-        with pytest.raises(refusals.InvalidStatus), connect(f"ws://evil.example:{studio.port}/ws", sock=sock, **said):
-            pass
+    foreign = f"ws://evil.example:{studio.port}/ws"
+    sock = socket.create_connection(("127.0.0.1", studio.port))
+    with sock, pytest.raises(refusals.InvalidStatus), connect(foreign, sock=sock, **said):
+        pass
 
 
 def test_files_are_those_that_were_exported_and_no_others(studio):
@@ -99,7 +99,16 @@ def test_files_are_those_that_were_exported_and_no_others(studio):
     exports.mkdir(exist_ok=True)
     (exports / "stranger.step").write_text("secret")
     os.symlink(outside, exports / "link.step")
-    for name in ("../project.json", "..%2fproject.json", "%2e%2e/%2e%2e/secret.txt", "..%2f..%2fsecret.txt", "/etc/passwd", "stranger.step", "link.step", "%00"):
+    for name in (
+        "../project.json",
+        "..%2fproject.json",
+        "%2e%2e/%2e%2e/secret.txt",
+        "..%2f..%2fsecret.txt",
+        "/etc/passwd",
+        "stranger.step",
+        "link.step",
+        "%00",
+    ):
         status, _, body = studio.ask("GET", f"/files/{name}", Cookie=cookie)
         assert status in (400, 404), name
         assert b"secret" not in body
@@ -118,16 +127,25 @@ def test_a_second_scan_or_a_bad_name_is_refused(studio):
 def test_messages_have_a_limit_and_nonsense_does_no_harm(studio):
     with studio.page() as page:
         hear(page, "State", is_current("scan"))
-        for text in ("{", '{"type": "Nothing"}', '{"type": "Edit", "edit": {"face": {"explode": 1}}}', '{"type": "Export", "kind": "../x"}'):
+        for text in (
+            "{",
+            '{"type": "Nothing"}',
+            '{"type": "Edit", "edit": {"face": {"explode": 1}}}',
+            '{"type": "Export", "kind": "../x"}',
+        ):
             page.send(text)
             assert hear(page, "Trouble", seconds=5)["text"].endswith(".")
         say(page, "Compute", until="edges")
         state = hear(page, "State", is_current("edges"))
         assert state["edits"] == []
-    with studio.page() as page, pytest.raises(refusals.ConnectionClosedError) as closed:
+
+    def listen(page):
         page.send(json.dumps({"type": "Edit", "edit": {"x": "y" * (33 << 20)}}))
         while True:
             page.recv(timeout=20)
+
+    with studio.page() as page, pytest.raises(refusals.ConnectionClosedError) as closed:
+        listen(page)
     assert closed.value.rcvd is not None
     assert closed.value.rcvd.code == 1009
     with studio.page() as page:
@@ -140,6 +158,24 @@ def test_only_this_machine_is_let_in_unless_told():
     assert not is_local("0.0.0.0")
     assert not is_local("192.168.1.7")
     assert not is_local("example.com")
+
+
+def test_another_address_is_warned_of_and_answers_to_this_machines_names(monkeypatch, capsys):
+    from scan2nurbs.cli.main import main
+    from scan2nurbs.studio import launch
+
+    served = []
+    monkeypatch.setattr(launch, "serve", lambda *_, **options: served.append(options["host"]))
+    with pytest.raises(SystemExit):
+        main(["studio", "--host", "0.0.0.0", "--no-open"])
+    assert served == ["0.0.0.0"]
+    assert "warning: the studio listens on 0.0.0.0" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        main(["studio", "--no-open"])
+    assert served[1:] == ["127.0.0.1"]
+    assert capsys.readouterr().err == ""
+    assert socket.gethostname() in launch._names("0.0.0.0")
+    assert launch._names("192.168.1.7") == ["192.168.1.7"]
 
 
 def test_a_scan_can_be_dropped_on_an_empty_studio(tmp_path):

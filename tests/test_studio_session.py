@@ -11,11 +11,10 @@ pytest.importorskip("starlette", reason="the studio is an extra")
 pytest.importorskip("uvicorn", reason="the studio is an extra")
 pytest.importorskip("websockets", reason="the studio is an extra")
 
-import studio_server  # noqa: E402
-from studio_server import Studio, hear, is_current, say  # noqa: E402
-
-from scan2nurbs.cli.main import main  # noqa: E402
-from scan2nurbs.studio.frames import unpack  # noqa: E402
+import studio_server
+from scan2nurbs.cli.main import main
+from scan2nurbs.studio.frames import unpack
+from studio_server import Studio, hear, is_current, say
 
 
 @pytest.fixture

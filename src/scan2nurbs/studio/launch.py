@@ -55,8 +55,9 @@ def serve(project: Project | None, *, host: str, port: int, home: Path, opens: b
         raise ParameterError("The page of the studio is not built: run `npm ci && npm run build` in studio-web.")
     listening = _listen(host, port)
     port = listening.getsockname()[1]
-    access = Access({*LOCAL, host}, port)
-    url = f"http://{'127.0.0.1' if is_local(host) else host}:{port}/#token={access.token}"
+    names = _names(host)
+    access = Access({*LOCAL, *names}, port)
+    url = f"http://{'127.0.0.1' if is_local(host) else names[0]}:{port}/#token={access.token}"
     config = uvicorn.Config(
         make_app(Session(project), access, home),
         log_level="warning",
@@ -71,6 +72,17 @@ def serve(project: Project | None, *, host: str, port: int, home: Path, opens: b
     if opens:
         webbrowser.open(url)
     uvicorn.Server(config).run(sockets=[listening])
+
+
+def _names(host: str) -> list[str]:
+    """Return the names under which an address is reached; one that stands for all addresses is reached under this machine's."""
+    if host not in ("0.0.0.0", "::", ""):
+        return [f"[{host}]" if ":" in host else host]
+    name = socket.gethostname()
+    try:
+        return [name, *socket.gethostbyname_ex(name)[2]]
+    except OSError:
+        return [name]
 
 
 def _listen(host: str, port: int) -> socket.socket:

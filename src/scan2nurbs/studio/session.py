@@ -173,7 +173,8 @@ class Session:
         trouble = await self._ask(do="run", scan=str(project.scan), edits=list(project.done_edits), until=until)
         self.running = None
         if trouble is not None:
-            failed: Step = next((step for step in COMPUTED if not self._is_current(step, plan)), until)
+            stale: list[Step] = [step for step in COMPUTED if not self._is_current(step, plan)]
+            failed = stale[0] if stale else until
             self._troubles[failed] = (plan.key(failed), trouble)
         elif STEPS.index(until) > STEPS.index(self._opened().reached) and self._is_current(until, plan):
             self.project = replace(self._opened(), reached=until)
