@@ -15,9 +15,10 @@ from scan2nurbs.kernels.labelling import candidate_costs, choose_labels, nearby_
 from scan2nurbs.kernels.offers import fill_candidates, offer_models
 from scan2nurbs.kernels.primitives import FREEDOM
 from scan2nurbs.kernels.refits import refit_all
-from scan2nurbs.kernels.runner import kernel
+from scan2nurbs.kernels.runner import kernel, run_ranges
 
 CANDIDATES = 8
+REGIONS = 8
 LINK_COST = 0.25
 ACROSS_CREASE = 0.5
 MODEL_COST = 12.0
@@ -210,9 +211,12 @@ def fit_regions(sheet: Sheet, label: NDArray[np.int32], models: NDArray[np.float
     """Refit all models to their points in place, changing kinds where that pays; return their criteria (M,)."""
     order, starts = grouped(label, len(models))
     values = np.empty(len(models))
-    refit_all(
-        sheet.points, sheet.normals, sheet.neighbours, order, starts, depths(label, sheet.neighbours), kinds, sheet.sigma, models, values
-    )
+    depth = depths(label, sheet.neighbours)
+
+    def refit(start: int, stop: int) -> None:
+        refit_all(sheet.points, sheet.normals, sheet.neighbours, order, starts, depth, kinds, sheet.sigma, start, stop, models, values)
+
+    run_ranges(refit, len(models), size=REGIONS)
     return values
 
 

@@ -21,6 +21,8 @@ from scan2nurbs.surfaces.shape_parameters import COLUMNS
 
 BAND = 4
 """Rings of neighbours from a border over which a surface runs on."""
+CERTAIN = 4.0
+"""Doubt beyond which neighbours are not tangent, even if stray points spoil small ones."""
 RUNS_ON = 2.0
 """A surface runs on over points that lie within so many deviations of it, root mean square; a fillet bends away much faster."""
 PARTS = 4.0
@@ -33,7 +35,10 @@ LEAST_BORDER = 4.0
 """Borders shorter than this, in h, may be corners where faces touch that have no edge in common."""
 CREASED = 0.5
 """A border is a crease where so large a share of its points is on an edge."""
+LEAST_PIECES = 3
+"""Of fewer pieces a freeform face is no likelier than two primitives whose tangency a few stray points hide."""
 MOST = 0.5
+"""Share of the points that lies on freeform faces where a cloud is no part of primitives at all."""
 SMALL = 0.2
 """A piece is small with less than this share of a freeform face's points: it joins without further evidence."""
 ROUGHEST = 1.25
@@ -96,7 +101,7 @@ def join_freeform(pieces: Pieces, on_edge: NDArray[np.bool_], scale: Scale, nois
     least = max(noise, LEAST_DEVIATION * scale.h)
     bent = tuple(c for c in bent if not _creased(pieces, c, on_edge, scale.h))
     clear = {c.pair for c in bent}
-    joins = [c.pair for c in smooth if c.pair in clear and doubts[c.pair] > 1.0 and _run_on(pieces, contacts, c, least)]
+    joins = [c.pair for c in smooth if c.pair in clear and doubts[c.pair] > CERTAIN and _run_on(pieces, contacts, c, least)]
     parent = _joined(len(pieces.fits), joins)
     parent = _continued(pieces, [c.pair for c in bent if doubts.get(c.pair, np.inf) > 1.0], joins, parent)
     parent = _absorbed(pieces, contacts, smooth, parent, least)
@@ -214,7 +219,7 @@ def _fit(pieces: Pieces, members: list[int], kinds: Sequence[Kind], noise: float
         d[own == m] = pieces.fits[m].shape.distance(p[own == m])
         cost += MODEL_COST + 0.5 * pieces.fits[m].shape.freedom * np.log(max(int((own == m).sum()), 2))
     primitives: list[Kind] = [kind for kind in kinds if kind in COLUMNS]
-    for simple in (True, False):
+    for simple in (True, False)[: 1 + (len(members) >= LEAST_PIECES)]:
         try:
             fit = choose_shape(p, noise=noise, kinds=primitives) if simple else fit_shape("bspline", p, noise=noise)
         except (NoResultError, InputError):

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from functools import partial
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from scan2nurbs.faces.compete import MODEL_COST, Sheet, grouped
 from scan2nurbs.kernels.refits import misfit, unite_pairs
+from scan2nurbs.kernels.runner import run_ranges
 
 LEAST_CONTACT = 6
+RANGE = 8
 
 
 def contacts(label: NDArray[np.int32], neighbours: NDArray[np.int32]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int32]]:
@@ -66,22 +71,8 @@ def unite(
         tested.update((int(i), int(j)) for i, j in pairs)
         order, starts = grouped(label, len(models))
         gains, united = np.empty(len(pairs)), np.zeros((len(pairs), models.shape[1]))
-        unite_pairs(
-            sheet.points,
-            sheet.normals,
-            sheet.neighbours,
-            label,
-            order,
-            starts,
-            pairs,
-            place,
-            kinds,
-            sheet.sigma,
-            models,
-            values,
-            gains,
-            united,
-        )
+        inputs = sheet.points, sheet.normals, sheet.neighbours, label, order, starts, pairs, place, kinds, sheet.sigma, models, values
+        run_ranges(partial(_judge, inputs, (gains, united)), len(pairs), size=RANGE)
         gains = np.nan_to_num(gains, nan=-np.inf, posinf=np.inf, neginf=-np.inf)  # neither can be fitted, nor both
         changed: set[int] = set()
         gone: set[int] = set()
@@ -112,3 +103,7 @@ def unite(
         if not touched:
             break
     return label, models
+
+
+def _judge(inputs: tuple[Any, ...], out: tuple[Any, ...], start: int, stop: int) -> None:
+    unite_pairs(*inputs, start, stop, *out)  # type: ignore[reportCallIssue]

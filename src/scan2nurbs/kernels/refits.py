@@ -113,10 +113,10 @@ def _start_points(neighbours, seed, stamp, mark, first):
 
 
 @kernel
-def refit_all(points, normals, neighbours, order, starts, depth, kinds, sigma, models, values):
+def refit_all(points, normals, neighbours, order, starts, depth, kinds, sigma, start, stop, models, values):
     """Refit every region: region l holds order[starts[l]:starts[l + 1]], deepest points first where `depth` is sorted within it."""
     stamp = np.zeros(len(points), np.int32)
-    for label in range(len(models)):
+    for label in range(start, stop):
         a, b = starts[label], starts[label + 1]
         if b - a < 6:
             values[label] = np.inf
@@ -171,10 +171,10 @@ def chosen_by_noise(points, neighbours, label, index, n, i, j, models, sigma):
 
 
 @kernel
-def unite_pairs(points, normals, neighbours, label, order, starts, pairs, seeds, kinds, sigma, models, values, gains, united):
+def unite_pairs(points, normals, neighbours, label, order, starts, pairs, seeds, kinds, sigma, models, values, start, stop, gains, united):
     """Fit both regions of each pair as one, and tell how much the criteria of the two exceed that of the one."""
     stamp = np.zeros(len(points), np.int32)
-    for p in range(len(pairs)):
+    for p in range(start, stop):
         i, j = pairs[p, 0], pairs[p, 1]
         a, b, c, d = starts[i], starts[i + 1], starts[j], starts[j + 1]
         n = b - a + d - c
@@ -189,8 +189,8 @@ def unite_pairs(points, normals, neighbours, label, order, starts, pairs, seeds,
         m = models[i].copy()
         before = values[i] + values[j] + chosen_by_noise(points, neighbours, label, index, n, i, j, models, sigma)
         # Whatever one surface explains, one of the two models nearly does: unless both are small, try no new kinds.
-        for start in (i, j):
-            m[:] = models[start]
+        for either in (i, j):
+            m[:] = models[either]
             if not kinds[int(m[0])]:
                 continue
             refine(m, points, index, n, sigma, 6)
