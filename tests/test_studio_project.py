@@ -40,7 +40,7 @@ EDITS = [
 
 @pytest.fixture(scope="module")
 def scan(tmp_path_factory) -> Path:
-    return studio_server.small_part(tmp_path_factory.mktemp("scans") / "step.ply", step=0.7)
+    return studio_server.small_part(tmp_path_factory.mktemp("scans") / "step.ply", step=0.5)
 
 
 def test_edits_amount_to_parameters():
@@ -212,7 +212,7 @@ def test_only_what_depends_on_a_change_is_computed_again(scan):
 
     assert run([], "edges") == ["read", "scale", "edges"]
     assert run([], "faces") == ["faces"]
-    assert run([{"face": {"merge": [0, 1]}}], "faces") == ["corrections"]
+    assert run([{"face": {"delete": 0}}], "faces") == ["corrections"]
     assert run([], "faces") == []
     assert run([{"boundary": {"drop": {"boxes": [{"min": [None, None, None], "max": [None, None, None]}]}}}], "edges") == ["boundary"]
     assert not stages.results["boundary"].mask.any()
