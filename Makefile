@@ -1,6 +1,6 @@
 # Works on a machine with python3 (3.11 or newer), pip and make: everything else is installed into .venv.
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint bench gallery clean
+.PHONY: help demo test lint bench gallery studio clean
 SHELL := /bin/sh
 
 PYTHON ?= python3
@@ -44,6 +44,9 @@ gallery: $(VENV)/.test-stamp ## Redo the paper's experiments and their pictures
 	@mkdir -p demo
 	$(BIN)/python examples/demo.py demo
 	$(BIN)/python -m examples.picture demo/scan.ply docs/images/demo.png
+
+studio: $(VENV)/.test-stamp ## Build the page of the studio from studio-web (needs node)
+	PYTHON=$(abspath $(BIN))/python studio-web/build.sh
 
 clean: ## Remove what was made, but not .venv
 	rm -rf demo dist build .pytest_cache .ruff_cache

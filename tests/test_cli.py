@@ -54,7 +54,7 @@ class TestOverview:
         assert run("--help") == 0
         text = " ".join(capsys.readouterr().out.split())
         listed = re.findall(r"│ (\w+) +[A-Z][^│]+", text)
-        assert [name for name in listed if name in COMMANDS] == ["info", "edges", "surface", "simulate", "segment", "convert"]
+        assert [name for name in listed if name in COMMANDS] == ["info", "edges", "surface", "simulate", "segment", "convert", "studio"]
 
     @pytest.mark.parametrize("name", COMMANDS)
     def test_the_overview_says_what_the_command_says(self, name):

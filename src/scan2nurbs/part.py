@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from scan2nurbs.brep.part import PartModel, build_part
 from scan2nurbs.brep.part import PartParams as ModelParams
 from scan2nurbs.brep.write import WrittenModel
 from scan2nurbs.brep.write_part import write_part
-from scan2nurbs.cloud import PointSource, as_cloud
+from scan2nurbs.cloud import PointCloud, PointSource, as_cloud
 from scan2nurbs.edges.detect import detect
 from scan2nurbs.edges.params import EdgeParams
 from scan2nurbs.errors import NoResultError
@@ -23,7 +23,7 @@ from scan2nurbs.faces.corrections import FaceCorrections
 from scan2nurbs.faces.segmentation import SegmentParams, segment_points
 from scan2nurbs.faces.topology import Topology, TopologyParams, find_topology
 from scan2nurbs.kernels.runner import Progress
-from scan2nurbs.part_faces import Parted, by_topology, corrected, deviations
+from scan2nurbs.part_faces import BoundaryStep, Parted, by_topology, corrected, corrected_edges, deviations
 from scan2nurbs.part_report import part_report
 from scan2nurbs.report.colours import face_colours
 from scan2nurbs.report.record import Stopwatch
@@ -31,8 +31,22 @@ from scan2nurbs.scale import Scale, line_share, measure_scale
 from scan2nurbs.surfaces.relations import Related, impose_relations
 from scan2nurbs.surfaces.shape import Shape
 
+Result = TypeVar("Result")
+
 StageProgress = Callable[[str, int, int], None]
 """Called with the stage's name, how much of it is done, and how much there is."""
+
+
+class StageRunner(Protocol):
+    """What runs the stages of `reconstruct` one after the other, such as to keep their results and to stop between them.
+
+    It is called with the stage's name, what the stage is given besides the results of the stages before it, and the computation. It
+    returns the stage's result: that of the computation, or one that an equal computation on equal results gave before.
+    """
+
+    def __call__(self, stage: str, given: object, compute: Callable[[], Result]) -> Result:
+        """Return the stage's result."""
+        ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,6 +59,8 @@ class PartParams:
         The operator that finds edge points.
     segment : SegmentParams
         How points are grouped into faces.
+    boundary : tuple of BoundaryStep
+        Corrections of the edge points by hand.
     corrections : FaceCorrections, optional
         Corrections of the faces by hand.
     relations : bool
@@ -57,6 +73,7 @@ class PartParams:
 
     edges: EdgeParams = field(default_factory=EdgeParams)
     segment: SegmentParams = field(default_factory=SegmentParams)
+    boundary: tuple[BoundaryStep, ...] = ()
     corrections: FaceCorrections | None = None
     relations: bool = True
     topology: TopologyParams = field(default_factory=TopologyParams)
@@ -115,7 +132,12 @@ class Model(Parted):
 
 
 def reconstruct(
-    source: PointSource, params: PartParams | None = None, *, unit: str | None = None, progress: StageProgress | None = None
+    source: PointSource,
+    params: PartParams | None = None,
+    *,
+    unit: str | None = None,
+    progress: StageProgress | None = None,
+    run: StageRunner | None = None,
 ) -> Model:
     """Reconstruct a whole part: edges, faces, surfaces, relations, topology, CAD model.
 
@@ -129,6 +151,8 @@ def reconstruct(
         Overrides what the file says.
     progress : callable, optional
         Called with (stage, done, total) as the stages go on.
+    run : StageRunner, optional
+        Runs the stages; by default each is computed.
 
     Raises
     ------
@@ -139,18 +163,26 @@ def reconstruct(
     """
     params = params or PartParams()
     watch = Stopwatch()
-    parted = part_scan(source, params, unit=unit, progress=progress, watch=watch)
+    parted = part_scan(source, params, unit=unit, progress=progress, watch=watch, run=run)
+    do = _runner(watch, run)
     points, scale, faces = parted.cloud.points, parted.scale, parted.faces
     related = None
     if params.relations:
-        with watch("relations"):
-            related = impose_relations(points, faces.label, faces.fits, noise=scale.noise, h=scale.h, smooth=faces.smooth)
-            parted = replace(parted, faces=replace(faces, fits=related.fits))
-    with watch("topology"):
-        fits = parted.faces.fits
-        topology = find_topology(points, faces.label, fits, scale, params.topology, _stage(progress, "finding borders"))
-    with watch("model"):
-        part = build_part(points, fits, topology, scale, params.model, _stage(progress, "building the model"))
+        related = do(
+            "relations",
+            None,
+            lambda: impose_relations(points, faces.label, faces.fits, noise=scale.noise, h=scale.h, smooth=faces.smooth),
+        )
+        parted = replace(parted, faces=replace(faces, fits=related.fits))
+    fits = parted.faces.fits
+    topology = do(
+        "topology",
+        (params.relations, params.topology),
+        lambda: find_topology(points, faces.label, fits, scale, params.topology, _stage(progress, "finding borders")),
+    )
+    part = do(
+        "model", params.model, lambda: build_part(points, fits, topology, scale, params.model, _stage(progress, "building the model"))
+    )
     parted = by_topology(parted, topology)
     deviation = deviations(points, parted.faces.label, parted.faces.fits, topology.outward)
     model = Model(**vars(parted), related=related, topology=topology, part=part, deviation=deviation, report={})
@@ -164,6 +196,7 @@ def part_scan(
     unit: str | None = None,
     progress: StageProgress | None = None,
     watch: Stopwatch | None = None,
+    run: StageRunner | None = None,
 ) -> Parted:
     """Part a scan into faces: edges, faces, corrections by hand.
 
@@ -179,6 +212,8 @@ def part_scan(
         Called with (stage, done, total) as the stages go on.
     watch : Stopwatch, optional
         Times the stages.
+    run : StageRunner, optional
+        Runs the stages; by default each is computed.
 
     Raises
     ------
@@ -188,21 +223,38 @@ def part_scan(
         If the points lie on no surface, or no face is found among them.
     """
     params, watch = params or PartParams(), watch or Stopwatch()
-    with watch("read"):
-        cloud = as_cloud(source, unit)
-    with watch("scale"):
-        scale = measure_scale(cloud.points, progress=_stage(progress, "measuring"))
-        require_surface(scale)
-    with watch("edges"):
-        edges = detect(cloud.points, scale, params.edges, _stage(progress, "finding edges"))
-    with watch("faces"):
-        faces = segment_points(cloud.points, scale, edges, params.segment, _stage(progress, "finding faces"))
-        parted = Parted(cloud, scale, edges, faces, np.arange(len(faces.fits), dtype=np.int32))
-        if params.corrections is not None:
-            parted = corrected(parted, params.corrections)
+    do = _runner(watch, run)
+    cloud = do("read", (str(source), unit), lambda: as_cloud(source, unit))
+    scale = do("scale", None, lambda: _measured(cloud, progress))
+    edges = do("edges", params.edges, lambda: detect(cloud.points, scale, params.edges, _stage(progress, "finding edges")))
+    if params.boundary:
+        edges = do("boundary", params.boundary, lambda: corrected_edges(cloud, edges, params.boundary))
+    tell = _stage(progress, "finding faces")
+    faces = do("faces", params.segment, lambda: segment_points(cloud.points, scale, edges, params.segment, tell))
+    parted = Parted(cloud, scale, edges, faces, np.arange(len(faces.fits), dtype=np.int32))
+    corrections = params.corrections
+    if corrections is not None:
+        found = parted
+        parted = do("corrections", corrections, lambda: corrected(found, corrections))
     if not parted.faces.fits:
         raise NoResultError("No face was found: no part of the scan is smooth over more than a few points.")
     return parted
+
+
+def _runner(watch: Stopwatch, run: StageRunner | None) -> StageRunner:
+    """Time every stage, and let `run` decide whether it is computed."""
+
+    def do(stage: str, given: object, compute: Callable[[], Result]) -> Result:
+        with watch(stage):
+            return compute() if run is None else run(stage, given, compute)
+
+    return do
+
+
+def _measured(cloud: PointCloud, progress: StageProgress | None) -> Scale:
+    scale = measure_scale(cloud.points, progress=_stage(progress, "measuring"))
+    require_surface(scale)
+    return scale
 
 
 def require_surface(scale: Scale) -> None:

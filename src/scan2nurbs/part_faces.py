@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,17 +55,34 @@ class Parted:
         return [f"{fit.shape.kind}_{number}" for fit, number in zip(self.faces.fits, self.numbers, strict=True)]
 
 
+@dataclass(frozen=True)
+class BoundaryStep:
+    """One correction of edge points by hand: the points of a selection are added to them, or dropped from them."""
+
+    action: Literal["add", "drop"]
+    points: Selection
+
+
+def corrected_edges(cloud: PointCloud, edges: Edges, steps: tuple[BoundaryStep, ...]) -> Edges:
+    """Do corrections of edge points by hand, in their order."""
+    mask = edges.mask.copy()
+    for step in steps:
+        mask[_selected(cloud, step.points)] = step.action == "add"
+    return replace(edges, mask=mask)
+
+
+def _selected(cloud: PointCloud, selection: Selection) -> NDArray[np.bool_]:
+    """Tell which of the cloud's points a selection of the input's rows names; where rows coincide, naming one of them is enough."""
+    chosen = np.zeros(len(cloud.points), np.bool_)
+    rows = cloud.rows[selection.of(cloud.to_rows(cloud.points + cloud.origin, np.nan))]
+    chosen[rows[rows >= 0]] = True
+    return chosen
+
+
 def corrected(parted: Parted, corrections: FaceCorrections) -> Parted:
     """Do corrections by hand; faces whose points or kind they change are fitted anew."""
     cloud, faces, noise = parted.cloud, parted.faces, parted.scale.noise
-
-    def selected(selection: Selection) -> NDArray[np.bool_]:
-        chosen = np.zeros(len(cloud.points), np.bool_)
-        rows = cloud.rows[selection.of(cloud.to_rows(cloud.points + cloud.origin, np.nan))]
-        chosen[rows[rows >= 0]] = True
-        return chosen
-
-    done = apply_face_corrections(faces.label, corrections, selected)
+    done = apply_face_corrections(faces.label, corrections, lambda selection: _selected(cloud, selection))
     numbers = np.unique(done.label[done.label >= 0])
     label = np.where(done.label >= 0, np.searchsorted(numbers, done.label), -1).astype(np.int32)
     fits = []

@@ -7,7 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, get_origin, get_type_hints
 
-from scan2nurbs.cli.options import Given, Stage, bare_type
+from scan2nurbs.cli.options import Given, Stage
+from scan2nurbs.described import bare_type
 from scan2nurbs.errors import InputError, ParameterError
 
 Config = Mapping[str, Mapping[str, Any]]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -12,8 +12,8 @@ from scan2nurbs.cli.config import read_config
 from scan2nurbs.cli.options import Given, takes
 from scan2nurbs.cli.outputs import CAD, MESHES, POINTS, REPORTS, check_outputs, check_rhino
 from scan2nurbs.cli.part_options import STAGES, effective, inputs, part_params
-from scan2nurbs.cli.segment import face_facts, write_faces
 from scan2nurbs.cli.session import running
+from scan2nurbs.errors import ParameterError
 
 if TYPE_CHECKING:
     from scan2nurbs.part import Model, PartParams
@@ -24,7 +24,7 @@ Schema = Literal["ap242", "ap214"]
 
 @takes(*STAGES)
 def convert(
-    scan: Annotated[Path, typer.Argument(metavar="SCAN", help="The scan.")],
+    scan: Annotated[Path | None, typer.Argument(metavar="SCAN", help="The scan.")] = None,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="FILE", help="The CAD model: .step, .iges, .brep or .3dm (or a mesh).")
     ] = None,
@@ -33,6 +33,9 @@ def convert(
         typer.Option(metavar="FILE", help="Every row of the scan with strength, edge, face and deviation: .ply, .npz or .csv."),
     ] = None,
     mesh: Annotated[Path | None, typer.Option(metavar="FILE", help="The model as triangles: .stl, .ply or .obj.")] = None,
+    project: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Instead of SCAN: do again what was done in the studio in this project.")
+    ] = None,
     schema: Annotated[Schema, typer.Option(help="Schema of a STEP file.")] = "ap242",
     *,
     given: Given,
@@ -44,15 +47,21 @@ def convert(
     where the scan closes, into a shell with free borders where it does not. Without options everything is chosen from the scan.
     """
     common = given.common
-    params = part_params(given, read_config(common.config, STAGES), STAGES)
+    if project is not None:
+        scan, params, unit = _replayed(project, scan, given)
+    elif scan is None:
+        raise ParameterError("Name the SCAN to convert, or a --project of the studio.")
+    else:
+        params, unit = part_params(given, read_config(common.config, STAGES), STAGES), common.unit
     outputs = [(output, CAD + MESHES), (points, POINTS), (mesh, MESHES), (common.report, REPORTS)]
     check_outputs(outputs, inputs(scan, given, params.corrections))
     check_rhino(output)
     with running("convert", common, scan) as session:
         from scan2nurbs.part import reconstruct  # noqa: PLC0415
+        from scan2nurbs.part_files import part_facts, part_record, write_deviations  # noqa: PLC0415
 
-        model = reconstruct(scan, params, unit=common.unit, progress=session.progress)
-        record = part_record(model, params)
+        model = reconstruct(scan, params, unit=unit, progress=session.progress)
+        record = part_record(model, effective(params))
         with session.watch("write"):
             for path in (output, mesh):
                 if path is not None:
@@ -70,27 +79,14 @@ def convert(
         )
 
 
-def part_record(model: Model, params: PartParams) -> dict[str, Any]:
-    """Make the JSON of a run."""
-    warnings = [*model.cloud.notes, *records.scale_warnings(model.scale), *model.report["warnings"]]
-    head = {"input": records.input_record(model.cloud), "scale": records.scale_record(model.scale)}
-    return head | model.report | {"parameters": effective(params), "warnings": warnings}
+def _replayed(project: Path, scan: Path | None, given: Given) -> tuple[Path, PartParams, str | None]:
+    """Return the scan of a project, the parameters that its edits amount to, and the unit."""
+    from scan2nurbs.studio.project import open_project  # noqa: PLC0415
 
-
-def part_facts(model: Model) -> list[tuple[str, str]]:
-    """Return the figures that answer the question."""
-    part, unit, found = model.part, model.cloud.unit, model.report["model"]
-    closed = f"{part.n_solids} closed solid{'s' if part.n_solids != 1 else ''}" if part.closed else f"open, {part.n_free_edges} free edges"
-    volume = [("volume", f"{part.volume:.5g} {unit}³")] if part.closed else []
-    return [
-        *face_facts(model)[:3],
-        ("model", f"{'valid' if part.valid else 'NOT valid'}, {closed}"),
-        ("edges", f"{len(part.edges)}, largest tolerance {part.max_tolerance:.2g} {unit}"),
-        *volume,
-        ("rms", f"{found['rms']:.3g} {unit}"),
-        ("noise", f"{model.scale.noise:.3g} {unit}"),
-        ("coverage", f"{part.coverage:.1%} of the scan lie on the model; {part.precision:.1%} of the model lie on the scan"),
-    ]
+    if scan is not None or given.common.config is not None or given.common.unit is not None or any(map(given.of, STAGES)):
+        raise ParameterError("A --project says by itself which scan it is about, and all parameters; give no others with it.")
+    opened = open_project(project, check=True)
+    return opened.scan, opened.plan.params, opened.plan.unit
 
 
 def verdict(model: Model) -> str:
@@ -105,21 +101,7 @@ def verdict(model: Model) -> str:
     )
 
 
-def write_deviations(path: Path, model: Model) -> None:
-    """Write every row of the scan with what was found about it."""
-    import numpy as np  # noqa: PLC0415
-
-    cloud = model.cloud
-    write_faces(
-        path,
-        model,
-        strength=cloud.to_rows(model.edges.strength.astype(np.float32), np.nan),
-        edge=cloud.to_rows(model.edges.mask, False),
-        deviation=cloud.to_rows(model.deviation, np.nan),
-    )
-
-
 def _pictures(model: Model) -> list[Picture]:
-    from scan2nurbs.cli.part_pictures import part_pictures  # noqa: PLC0415 - brings matplotlib
+    from scan2nurbs.part_pictures import part_pictures  # noqa: PLC0415 - brings matplotlib
 
     return part_pictures(model)

@@ -20,6 +20,7 @@ COMMANDS = {
     "simulate": ("simulate", "Scan a CAD part with a simulated scanner."),
     "segment": ("segment", "Split a scan into faces."),
     "convert": ("convert", "Rebuild a whole part as one CAD model."),
+    "studio": ("studio", "See every stage in the browser, correct it by hand, take the model away."),
 }
 """For each command the module of this package that runs it, and what the overview says of it."""
 

@@ -7,12 +7,12 @@ import inspect
 import re
 from collections.abc import Callable, Mapping
 from functools import wraps
-from types import NoneType, UnionType
-from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, get_origin, get_type_hints
 
 import typer
 
 from scan2nurbs.cli.common import Common, common_parameters
+from scan2nurbs.described import bare_type, describe
 from scan2nurbs.errors import ParameterError
 
 
@@ -132,30 +132,3 @@ def place(text: str) -> tuple[float, float, float]:
     except ValueError:
         raise ParameterError(f"Three numbers separated by commas are expected, such as '1,0,2.5'. Got {text!r} instead.") from None
     return x, y, z
-
-
-def bare_type(hint: Any) -> Any:
-    """Return the type without None: ``float | None`` gives float."""
-    if get_origin(hint) in (Union, UnionType):
-        kinds = [kind for kind in get_args(hint) if kind is not NoneType]
-        return kinds[0] if len(kinds) == 1 else object
-    return hint
-
-
-def describe(params: type) -> dict[str, str]:
-    """Read what a numpydoc docstring says of each attribute or parameter, one line each."""
-    texts: dict[str, list[str]] = {}
-    current: list[str] = []
-    section = ""
-    lines = (inspect.getdoc(params) or "").splitlines()
-    for line, following in zip(lines, [*lines[1:], ""], strict=True):
-        if following and not following.strip("-"):
-            section = line.strip()
-        elif section not in ("Attributes", "Parameters") or (line and not line.strip("-")):
-            continue
-        elif entry := re.match(r"(\w+(?:, \w+)*)\s*:", line):
-            current = []
-            texts |= dict.fromkeys(entry[1].split(", "), current)
-        elif line.strip():
-            current.append(line.strip())
-    return {name: " ".join(said).replace("`", "") for name, said in texts.items()}

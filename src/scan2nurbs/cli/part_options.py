@@ -42,7 +42,7 @@ PART = Stage(
     params=PartParams,
     panel="Finding faces",
     shown=frozenset({"corrections"}),
-    nested=frozenset({"edges", "segment", "topology", "model"}),
+    nested=frozenset({"edges", "boundary", "segment", "topology", "model"}),
     parse={"corrections": read_face_corrections},
     metavars={"corrections": "FILE"},
 )

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -39,6 +38,7 @@ def segment(
     check_outputs([(output, POINTS), (common.report, REPORTS)], inputs(scan, given, params.corrections))
     with running("segment", common, scan) as session:
         from scan2nurbs.part import part_scan  # noqa: PLC0415
+        from scan2nurbs.part_files import face_facts, write_faces  # noqa: PLC0415
         from scan2nurbs.part_report import segment_report  # noqa: PLC0415
 
         parted = part_scan(scan, params, unit=common.unit, progress=session.progress, watch=session.watch)
@@ -53,28 +53,6 @@ def segment(
         facts = face_facts(parted)
         lines = [records.input_line(cloud), *records.aligned(facts)]
         session.finish(record, lines, outputs=[output], headline=facts, pictures=lambda: _pictures(parted))
-
-
-def face_facts(parted: Parted) -> list[tuple[str, str]]:
-    """Return how many faces there are, and of which types."""
-    kinds = Counter(fit.shape.kind for fit in parted.faces.fits)
-    n_none = int((parted.faces.label < 0).sum())
-    return [
-        ("faces", f"{len(parted.faces.fits)}"),
-        ("types", ", ".join(f"{n} {kind}" for kind, n in kinds.most_common())),
-        ("points without a face", f"{n_none:,} ({n_none / len(parted.faces.label):.1%})"),
-        ("noise", f"{parted.scale.noise:.3g} {parted.cloud.unit}"),
-    ]
-
-
-def write_faces(path: Path, parted: Parted, **columns: Any) -> None:
-    """Write every row of the scan with its face."""
-    import numpy as np  # noqa: PLC0415
-
-    from scan2nurbs.io import write_points  # noqa: PLC0415
-
-    cloud = parted.cloud
-    write_points(path, cloud.to_rows(cloud.points + cloud.origin, np.nan), {"face": parted.label} | columns, unit=cloud.unit)
 
 
 def _pictures(parted: Parted) -> list[Picture]:

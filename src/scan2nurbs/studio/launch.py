@@ -1,0 +1,98 @@
+"""Start the studio: a socket, an address with a token, a browser."""
+
+from __future__ import annotations
+
+import ipaddress
+import socket
+import sys
+import webbrowser
+from collections.abc import Callable
+from pathlib import Path
+
+import uvicorn
+
+from scan2nurbs.errors import ParameterError
+from scan2nurbs.studio.guard import Access
+from scan2nurbs.studio.project import Project
+from scan2nurbs.studio.server import LARGEST_MESSAGE, STATIC, make_app
+from scan2nurbs.studio.session import Session
+
+LOCAL = ("127.0.0.1", "localhost")
+
+
+def is_local(host: str) -> bool:
+    """Tell whether an address is of this machine alone."""
+    try:
+        return host == "localhost" or ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+def serve(project: Project | None, *, host: str, port: int, home: Path, opens: bool, say: Callable[[str], None]) -> None:
+    """Serve until interrupted.
+
+    Parameters
+    ----------
+    project : Project or None
+        None waits for a scan to be dropped on the page.
+    host : str
+        Address to listen on.
+    port : int
+        0 takes a free one.
+    home : Path
+        Where projects of scans from the page are made.
+    opens : bool
+        Whether the browser is opened.
+    say : callable
+        Says where the studio is.
+
+    Raises
+    ------
+    ParameterError
+        If the address cannot be listened on.
+    """
+    if not (STATIC / "index.html").exists():
+        raise ParameterError("The page of the studio is not built: run `npm ci && npm run build` in studio-web.")
+    listening = _listen(host, port)
+    port = listening.getsockname()[1]
+    names = _names(host)
+    access = Access({*LOCAL, *names}, port)
+    url = f"http://{'127.0.0.1' if is_local(host) else names[0]}:{port}/#token={access.token}"
+    config = uvicorn.Config(
+        make_app(Session(project), access, home),
+        log_level="warning",
+        access_log=False,
+        server_header=False,
+        ws="websockets-sansio",
+        ws_max_size=LARGEST_MESSAGE,
+        ws_per_message_deflate=False,
+        timeout_graceful_shutdown=2,
+    )
+    say(url)
+    if opens:
+        webbrowser.open(url)
+    uvicorn.Server(config).run(sockets=[listening])
+
+
+def _names(host: str) -> list[str]:
+    """Return the names under which an address is reached; one that stands for all addresses is reached under this machine's."""
+    if host not in ("0.0.0.0", "::", ""):
+        return [f"[{host}]" if ":" in host else host]
+    name = socket.gethostname()
+    try:
+        return [name, *socket.gethostbyname_ex(name)[2]]
+    except OSError:
+        return [name]
+
+
+def _listen(host: str, port: int) -> socket.socket:
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    listening = socket.socket(family, socket.SOCK_STREAM)
+    if sys.platform != "win32":
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listening.bind((host, port))
+        listening.listen(128)  # whoever reads the address may come at once
+    except OSError as error:
+        raise ParameterError(f"The studio cannot listen on {host}, port {port}: {error.strerror}. Try another --port.") from error
+    return listening

@@ -1,0 +1,298 @@
+"""An open project and the pages that look at it: edits come in, computations run, everybody is told."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from dataclasses import dataclass, field, replace
+from importlib import metadata
+from typing import Any
+
+from scan2nurbs.studio.edits import STAGES, Plan, describe_edit, replay, step_of
+from scan2nurbs.studio.forms import form_fields
+from scan2nurbs.studio.frames import name_of
+from scan2nurbs.studio.messages import (
+    STEPS,
+    Cancel,
+    Compute,
+    Edit,
+    EditEntry,
+    Export,
+    FileEntry,
+    FromPage,
+    Progress,
+    Redo,
+    State,
+    Status,
+    Step,
+    StepState,
+    Trouble,
+    Undo,
+    Welcome,
+)
+from scan2nurbs.studio.project import EXPORTS, Project
+from scan2nurbs.studio.takeaway import export_kinds, export_name
+from scan2nurbs.studio.wire import to_text
+from scan2nurbs.studio.workshop import Answer, Workshop
+from scan2nurbs.surfaces.shape import KINDS
+
+Outgoing = str | bytes
+COMPUTED: tuple[Step, ...] = STEPS[:-1]
+
+
+@dataclass(eq=False)
+class Page:
+    """A page that looks at the project: what is to be sent to it."""
+
+    queue: asyncio.Queue[Outgoing] = field(default_factory=asyncio.Queue)
+
+
+class Session:
+    """What the server holds while it runs.
+
+    Parameters
+    ----------
+    project : Project, optional
+        None where no scan is open yet.
+    """
+
+    def __init__(self, project: Project | None = None) -> None:
+        self.project = project
+        self.workshop = Workshop()
+        self.pages: set[Page] = set()
+        self.running: Step | None = None
+        self._fields = form_fields()
+        self._revision = 0
+        self._frames: dict[str, bytes] = {}
+        self._results: dict[str, dict[str, Any]] = {}
+        self._troubles: dict[Step, tuple[str, str]] = {}
+        self._until: Step | None = None
+        self._exports: list[str] = []
+        self._wake = asyncio.Event()
+        self._plan = _plan_of(project)
+        if project is not None:
+            self.compute(project.reached)
+
+    # ---- pages
+
+    def join(self) -> Page:
+        """Let a page look: it is told everything that there is."""
+        page = Page()
+        self.pages.add(page)
+        version = metadata.version("scan2nurbs")
+        page.queue.put_nowait(to_text(Welcome(version=version, fields=self._fields, kinds=list(KINDS), exports=export_kinds())))
+        page.queue.put_nowait(to_text(self.state()))
+        for frame in self._frames.values():
+            page.queue.put_nowait(frame)
+        return page
+
+    def leave(self, page: Page) -> None:
+        """Let a page go."""
+        self.pages.discard(page)
+
+    def tell(self, message: Any) -> None:
+        """Tell all pages something."""
+        content = message if isinstance(message, bytes) else to_text(message)
+        for page in self.pages:
+            page.queue.put_nowait(content)
+
+    # ---- what pages ask for
+
+    def do(self, message: FromPage) -> None:
+        """Do what a page asks for.
+
+        Raises
+        ------
+        Scan2NurbsError
+            If it cannot be done; nothing has changed then.
+        """
+        if self.project is None:
+            return
+        if isinstance(message, Edit):
+            self._edit(self.project.with_edit(message.edit), step_of(message.edit))
+        elif isinstance(message, Undo) and self.project.done > 0:
+            self._edit(self.project.moved(-1), step_of(self.project.edits[self.project.done - 1]))
+        elif isinstance(message, Redo) and self.project.done < len(self.project.edits):
+            self._edit(self.project.moved(1), step_of(self.project.edits[self.project.done]))
+        elif isinstance(message, Compute):
+            self.compute("model" if message.until == "export" else message.until)
+        elif isinstance(message, Cancel):
+            self._until, self._exports = None, []
+            self.workshop.cancel()
+        elif isinstance(message, Export):
+            export_name(message.kind, self.project.scan)
+            self._exports.append(message.kind)
+            self._wake.set()
+
+    def open(self, project: Project) -> None:
+        """Open a project where there was none."""
+        self.project, self._plan = project, project.plan
+        self.compute(project.reached)
+
+    def compute(self, until: Step) -> None:
+        """Compute everything up to a step that is not up to date."""
+        self._until = until if self._until is None else _later(self._until, until)
+        self._wake.set()
+        self._changed()
+
+    def _edit(self, project: Project, step: Step) -> None:
+        plan = project.plan  # raises where the edit says nothing that can be done
+        project.save()
+        self.project, self._plan = project, plan
+        if self.running is not None:
+            running: Step = "model" if self.running == "export" else self.running
+            self._until = running if self._until is None else _later(self._until, running)
+            self.workshop.cancel()
+        if step in self._results or self._until is not None:
+            self.compute(step)
+        self._changed()
+
+    # ---- computing
+
+    async def work(self) -> None:
+        """Run what is asked for, one thing after the other, for as long as the server runs."""
+        try:
+            while True:
+                await self._wake.wait()
+                self._wake.clear()
+                while self._until is not None or self._exports:
+                    if self._until is not None:
+                        until, self._until = self._until, None
+                        await self._run(until)
+                    else:
+                        await self._export(self._exports.pop(0))
+        finally:
+            await self.workshop.close()
+
+    async def _run(self, until: Step) -> None:
+        project, plan = self._opened(), self._plan
+        if all(self._is_current(step, plan) for step in COMPUTED[: COMPUTED.index(until) + 1]):
+            return
+        self.running = until
+        self._changed()
+        trouble = await self._ask(do="run", scan=str(project.scan), edits=list(project.done_edits), until=until)
+        self.running = None
+        if trouble is not None:
+            stale: list[Step] = [step for step in COMPUTED if not self._is_current(step, plan)]
+            failed = stale[0] if stale else until
+            self._troubles[failed] = (plan.key(failed), trouble)
+        elif STEPS.index(until) > STEPS.index(self._opened().reached) and self._is_current(until, plan):
+            self.project = replace(self._opened(), reached=until)
+            self.project.save()
+        self._changed()
+
+    async def _export(self, kind: str) -> None:
+        project, plan = self._opened(), self._plan
+        name = export_name(kind, project.scan)
+        folder = project.folder / EXPORTS
+        self.running = "export"
+        self._changed()
+        try:
+            folder.mkdir(exist_ok=True)
+            path = str(folder / name)
+            trouble = await self._ask(
+                do="export", scan=str(project.scan), edits=list(project.done_edits), until="model", kind=kind, path=path
+            )
+        except OSError as error:
+            trouble = f"The file cannot be written: {error.strerror}."
+        self.running = None
+        if trouble is not None:
+            self.tell(Trouble(text=trouble))
+        elif (folder / name).exists():
+            opened = self._opened()
+            self.project = replace(opened, exports={**opened.exports, name: plan.key("model")})
+            self.project.save()
+        self._changed()
+
+    async def _ask(self, **request: Any) -> str | None:
+        return await self.workshop.request(self._hear, **request)
+
+    async def _hear(self, answer: Answer) -> None:
+        if isinstance(answer, bytes):
+            self._frames[name_of(answer)] = answer
+            self.tell(answer)
+        elif answer["say"] == "result":
+            result = answer["result"]
+            self._results[result["step"]] = result
+            self._troubles.pop(result["step"], None)
+            self._changed()
+        elif answer["say"] == "progress":
+            self.tell(Progress(**{name: answer[name] for name in ("step", "stage", "done", "total")}))
+
+    def _opened(self) -> Project:
+        assert self.project is not None
+        return self.project
+
+    # ---- the state
+
+    def _changed(self) -> None:
+        self._revision += 1
+        self.tell(self.state())
+
+    def _is_current(self, step: Step, plan: Plan) -> bool:
+        return step in self._results and self._results[step]["key"] == plan.key(step)
+
+    def state(self) -> State:
+        """Return the project as it stands."""
+        project, plan = self.project, self._plan
+        edits = () if project is None else project.edits
+        done = 0 if project is None else project.done
+        return State(
+            project="" if project is None else str(project.folder),
+            scan="" if project is None else project.scan.name,
+            unit=self._unit(plan),
+            revision=self._revision,
+            edits=[EditEntry(text=describe_edit(edit), step=step_of(edit), done=k < done) for k, edit in enumerate(edits)],
+            can_undo=done > 0,
+            can_redo=done < len(edits),
+            values=_values(plan),
+            steps=self._step_states(plan),
+            running=self.running,
+            files=self._files(plan),
+        )
+
+    def _unit(self, plan: Plan) -> str:
+        found = self._results.get("scan", {}).get("automatic", {}).get("scan.unit")
+        return plan.unit or found or "mm"
+
+    def _step_states(self, plan: Plan) -> list[StepState]:
+        states: list[StepState] = []
+        busy = self.running
+        for step in COMPUTED:
+            current = self._is_current(step, plan)
+            key, text = self._troubles.get(step, ("", ""))
+            failed = key == plan.key(step) and not current
+            status: Status = "current" if current else "failed" if failed else "outdated" if step in self._results else "empty"
+            if not current and busy is not None and (busy == "export" or STEPS.index(step) <= STEPS.index(busy)):
+                status, busy = "running", None
+            result: Any = self._results.get(step)
+            states.append(StepState(step=step, status=status, result=result, trouble=text if failed else None))
+        ready: Status = "running" if self.running == "export" else "current" if states[-1].status == "current" else "empty"
+        return [*states, StepState(step="export", status=ready, result=None, trouble=None)]
+
+    def _files(self, plan: Plan) -> list[FileEntry]:
+        if self.project is None:
+            return []
+        entries = []
+        for name, key in self.project.exports.items():
+            with contextlib.suppress(OSError):
+                size = (self.project.folder / EXPORTS / name).stat().st_size
+                entries.append(FileEntry(name=name, size=size, current=key == plan.key("model")))
+        return entries
+
+
+def _later(one: Step, other: Step) -> Step:
+    return one if STEPS.index(one) >= STEPS.index(other) else other
+
+
+def _plan_of(project: Project | None) -> Plan:
+    return replay(()) if project is None else project.plan
+
+
+def _values(plan: Plan) -> dict[str, Any]:
+    """Return the value of every parameter by stage and name; None where it is automatic."""
+    values: dict[str, Any] = {"scan.unit": plan.unit, "relations.relations": plan.params.relations}
+    for stage, (params, _) in STAGES.items():
+        if params is not None:
+            values |= {f"{stage}.{name}": value for name, value in vars(getattr(plan.params, stage)).items()}
+    return values

@@ -1,0 +1,149 @@
+"""The process that computes: it keeps the stages' results, and says what comes out, while the server goes on talking to the page.
+
+Requests come in on stdin and answers go out on stdout, each a length (8 bytes, little-endian), a letter and its content: J for JSON,
+B for a binary frame. When stdin ends the server is gone, and the process ends too.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import queue
+import struct
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from scan2nurbs.errors import Scan2NurbsError
+from scan2nurbs.part import Model, reconstruct
+from scan2nurbs.report.record import plain
+from scan2nurbs.studio.edits import Plan, replay
+from scan2nurbs.studio.messages import Step
+from scan2nurbs.studio.scenes import Scenes
+from scan2nurbs.studio.stages import STEP_OF, Cancelled, Reached, Stages
+from scan2nurbs.studio.takeaway import take_away
+
+HEAD = struct.Struct("<Qc")
+_EVERY = 0.05
+"""Seconds between messages of progress."""
+
+
+class Worker:
+    """Answers requests one after the other.
+
+    Parameters
+    ----------
+    out : binary stream
+        Where answers go.
+    """
+
+    def __init__(self, out: BinaryIO) -> None:
+        self.out = out
+        self.stages = Stages()
+        self.scenes = Scenes(self.stages)
+        self.sent: dict[Step, str] = {}
+        self.told = 0.0
+
+    def say(self, **content: Any) -> None:
+        """Send a JSON answer."""
+        self._send(b"J", json.dumps(plain(content), allow_nan=False).encode())
+
+    def answer(self, request: dict[str, Any]) -> None:
+        """Do what is asked for, and say that it is done or why it is not."""
+        try:
+            if request["do"] == "run":
+                self.run(Path(request["scan"]), replay(request["edits"]), request["until"])
+            else:
+                self.export(Path(request["scan"]), replay(request["edits"]), request["kind"], Path(request["path"]))
+            self.say(say="done", trouble=None)
+        except Cancelled:
+            self.say(say="cancelled")
+        except (Scan2NurbsError, MemoryError, OSError) as error:
+            self.say(say="done", trouble=_sentence(error))
+        except Exception as error:
+            self.say(say="done", trouble=f"Internal error, please report it: {type(error).__name__}: {error}")
+
+    def run(self, scan: Path, plan: Plan, until: Step) -> Model | None:
+        """Compute up to a step, and send what is seen of every step that is not as it was sent last."""
+        self.stages.begin(until, lambda step: self._show(step, plan))
+        try:
+            model = reconstruct(scan, plan.params, unit=plan.unit, progress=self._progress, run=self.stages)
+        except Reached:
+            return None
+        self._show("model", plan, model)
+        return model
+
+    def export(self, scan: Path, plan: Plan, kind: str, path: Path) -> None:
+        """Write the model in a format."""
+        model = self.run(scan, plan, "model")
+        assert model is not None
+        self.say(say="progress", step="export", stage="writing", done=0, total=1)
+        take_away(model, plan.params, kind, path)
+
+    def _show(self, step: Step, plan: Plan, model: Model | None = None) -> None:
+        key = plan.key(step)
+        if self.sent.get(step) == key or (step == "model" and model is None):
+            return
+        result, frames = self.scenes.scene(step, key, model)
+        for frame in frames:
+            self._send(b"B", frame)
+        self.say(say="result", result=result)
+        self.sent[step] = key
+
+    def _progress(self, stage: str, done: int, total: int) -> None:
+        self.stages.check()
+        now = time.monotonic()
+        if now < self.told + _EVERY and 0 < done < total:
+            return
+        self.told = now
+        self.say(say="progress", step=_STEP_OF_STAGE.get(stage, "scan"), stage=stage, done=done, total=total)
+
+    def _send(self, letter: bytes, content: bytes) -> None:
+        self.out.write(HEAD.pack(len(content), letter) + content)
+        self.out.flush()
+
+
+_STEP_OF_STAGE = {
+    "measuring": STEP_OF["scale"],
+    "finding edges": STEP_OF["edges"],
+    "finding faces": STEP_OF["faces"],
+    "finding borders": STEP_OF["topology"],
+    "building the model": STEP_OF["model"],
+}
+
+
+def _sentence(error: BaseException) -> str:
+    if isinstance(error, MemoryError):
+        return "There is not enough memory for this scan; thin it out first."
+    return " ".join(str(error).split())
+
+
+def main() -> None:
+    """Serve until stdin ends."""
+    # What libraries print must not get between the answers.
+    out = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)
+    worker = Worker(out)
+    requests: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
+
+    def listen() -> None:
+        stream = sys.stdin.buffer
+        while head := stream.read(HEAD.size):
+            length, _ = HEAD.unpack(head)
+            request = json.loads(stream.read(length))
+            if request["do"] == "cancel":
+                worker.stages.stop.set()
+            else:
+                worker.stages.stop.clear()
+                requests.put(request)
+        os._exit(0)
+
+    threading.Thread(target=listen, daemon=True).start()
+    while True:
+        worker.answer(requests.get())
+
+
+if __name__ == "__main__":
+    main()

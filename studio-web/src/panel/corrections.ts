@@ -1,0 +1,70 @@
+/** What can be done by hand in a step, to the points or faces that are chosen. */
+import { count, fill, h } from "../dom";
+import type { Store } from "../store";
+import type { Pointer } from "../tools/pointer";
+import type { Selection } from "../tools/selection";
+
+export function boundaryPanel(store: Store, selection: Selection, pointer: Pointer): HTMLElement {
+  const element = h("div", { class: "hand" });
+  const act = (action: "add" | "drop") => {
+    store.send({ type: "Edit", edit: { boundary: { [action]: selection.named() } } });
+    selection.clear();
+  };
+  const update = () => {
+    const some = selection.count > 0;
+    fill(
+      element,
+      h("h3", {}, "Correct by hand"),
+      h("p", { class: "help" }, some ? `${count(selection.count)} points are chosen.` : "Choose points with the brush or the lasso, then add them to the edges or take them away."),
+      h(
+        "div",
+        { class: "buttons" },
+        !some && pointer.tool === "turn" && h("button", { onclick: () => pointer.use("lasso") }, "Take the lasso"),
+        h("button", { id: "boundary-drop", disabled: !some, title: "These points lie on no edge (−)", onclick: () => act("drop") }, "Take from edges"),
+        h("button", { id: "boundary-add", disabled: !some, title: "These points lie on an edge (+)", onclick: () => act("add") }, "Add to edges"),
+        some && h("button", { onclick: () => selection.clear() }, "Choose none"),
+      ),
+    );
+  };
+  store.on(["selection", "step"], update);
+  update();
+  return element;
+}
+
+export function facesPanel(store: Store, selection: Selection, pointer: Pointer): HTMLElement {
+  const element = h("div", { class: "hand" });
+  const step = (content: Record<string, unknown>) => {
+    store.send({ type: "Edit", edit: { face: content } });
+    selection.clear();
+  };
+  const update = () => {
+    const [faces, some] = [store.faces, selection.count > 0];
+    const one = faces.length === 1 ? faces[0]! : null;
+    const entry = store.entries().find((other) => other.number === one);
+    const kinds = h("select", { id: "face-kind", disabled: one === null, title: "Choose the type of the face's surface", onchange: () => step({ type: { face: one, kind: kinds.value } }) });
+    fill(kinds, h("option", { value: "" }, "Type…"), ...(store.welcome?.kinds ?? []).map((kind) => h("option", { value: kind }, kind)));
+    kinds.value = entry?.kind ?? "";
+    const said = [faces.length ? `Face ${faces.join(", ")} chosen` : "", some ? `${count(selection.count)} points chosen` : ""].filter(Boolean).join("; ");
+    const points = () => selection.named();
+    fill(
+      element,
+      h("h3", {}, "Correct by hand"),
+      h("p", { class: "help" }, said ? `${said}.` : "Click a face in the picture or the list; Shift takes more. Lasso points to split a face or to give them to another."),
+      h(
+        "div",
+        { class: "buttons" },
+        h("button", { id: "face-merge", disabled: faces.length < 2, title: "Make one face of those chosen; the first one's number stays (M)", onclick: () => (step({ merge: faces }), store.choose(faces[0]!, false)) }, "Merge"),
+        kinds,
+        h("button", { id: "face-delete", disabled: faces.length === 0, title: "Delete the faces; their points belong to none (Del)", onclick: () => (faces.forEach((face) => step({ delete: face })), store.choose(null, false)) }, "Delete"),
+        h("button", { id: "face-split", disabled: one === null || !some, title: "The chosen points of the face become a new face (S)", onclick: () => step({ split: { face: one, ...points() } }) }, "Split off"),
+        h("button", { id: "face-assign", disabled: one === null || !some, title: "The chosen points belong to the chosen face (G)", onclick: () => step({ assign: { face: one, ...points() } }) }, "Give to face"),
+        h("button", { id: "face-none", disabled: !some, title: "The chosen points belong to no face, like strays (N)", onclick: () => step({ assign: { face: -1, ...points() } }) }, "Give to none"),
+        pointer.tool === "turn" && !some && h("button", { onclick: () => pointer.use("lasso") }, "Take the lasso"),
+        some && h("button", { onclick: () => selection.clear() }, "Choose none"),
+      ),
+    );
+  };
+  store.on(["selection", "step", "faces", "state", "welcome"], update);
+  update();
+  return element;
+}

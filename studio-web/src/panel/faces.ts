@@ -1,0 +1,32 @@
+/** The faces as a list, with type, size and deviation. */
+import { count, fill, h, number } from "../dom";
+import type { Store } from "../store";
+import { css } from "../view/colours";
+
+export function facesList(store: Store): HTMLElement {
+  const element = h("div", { class: "faces", role: "listbox", "aria-label": "Faces" });
+  const update = () => {
+    const unit = store.state?.unit ?? "";
+    const rows = store.entries().map((entry) => {
+      const on = store.faces.includes(entry.number);
+      const swatch = h("i", { class: "swatch" });
+      swatch.style.background = css(entry.colour.map((c) => Math.round(255 * c)));
+      const off = entry.rms === null ? "" : `±${number(entry.rms, 2)} ${unit}`;
+      const title = [entry.parameters, entry.largest === null ? "" : `largest deviation ${number(entry.largest)} ${unit}`, ...entry.notes].filter(Boolean).join("\n");
+      return h(
+        "button",
+        { class: "face", role: "option", "aria-selected": String(on), title, onclick: ((event: MouseEvent) => store.choose(entry.number, event.shiftKey || event.ctrlKey)) as unknown },
+        swatch,
+        h("span", {}, entry.name),
+        h("span", { class: "dim" }, count(entry.n_points)),
+        h("span", { class: "dim" }, off),
+      );
+    });
+    fill(element, ...rows);
+    const chosen = store.entries().find((entry) => entry.number === store.faces[0]);
+    if (chosen?.parameters && store.faces.length === 1) element.append(h("p", { class: "help" }, `${chosen.name}: ${chosen.parameters}`));
+  };
+  store.on(["state", "faces", "step"], update);
+  update();
+  return element;
+}

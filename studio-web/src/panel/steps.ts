@@ -1,0 +1,99 @@
+/** The six steps at the side: where one is, what to do, what came out. */
+import { fill, h } from "../dom";
+import { STEPS, type Step, type StepState } from "../messages";
+import type { Store } from "../store";
+
+interface About {
+  title: string;
+  text: string;
+  action: string;
+}
+
+export const ABOUT: Record<Step, About> = {
+  scan: { title: "Scan", text: "These are the points as they were read. Check extent and unit: a wrong unit makes a part of the wrong size.", action: "Measure the scan" },
+  edges: { title: "Edges", text: "Points where the surface turns sharply. Move the threshold until the edges stand out, and nothing else.", action: "Find edges" },
+  faces: { title: "Faces", text: "Points in groups, each explained by one surface. Merge what belongs together, split what does not.", action: "Find faces" },
+  surfaces: { title: "Surfaces", text: "A surface for each face, and the borders along which they meet. Points are coloured by their distance from it.", action: "Fit surfaces" },
+  model: { title: "Model", text: "Faces trimmed along shared edges and sewn into one body, checked by the CAD kernel.", action: "Build the model" },
+  export: { title: "Export", text: "Take the model away as a file.", action: "" },
+};
+
+export function stepsPanel(store: Store, bodies: Record<Step, HTMLElement[]>): HTMLElement {
+  const list = h("nav", { class: "steps", "aria-label": "Steps" });
+  const head = h("div", {});
+  const foot = h("div", { class: "outcome" });
+  const body = h("div", { class: "step-body" });
+  const next = h("div", { class: "next" });
+
+  function update(): void {
+    const states = store.state?.steps ?? [];
+    fill(
+      list,
+      ...STEPS.map((step, k) => {
+        const status = store.status(step);
+        const seconds = store.result(step)?.seconds;
+        const title = `${ABOUT[step].title}: ${WORDS[status] ?? status}${seconds ? `, ${time(seconds)}` : ""}`;
+        return h("button", { class: `step ${status}`, id: `step-${step}`, title, "aria-current": step === store.step ? "step" : undefined, onclick: () => store.goTo(step) }, h("span", { class: "dot" }, String(k + 1)), ABOUT[step].title);
+      }),
+    );
+    const state = states.find((entry) => entry.step === store.step);
+    fill(head, h("h2", {}, ABOUT[store.step].title), h("p", { class: "help lead" }, ABOUT[store.step].text));
+    fill(foot, ...(state ? outcome(state) : []));
+    fill(next, ...buttons(store));
+  }
+
+  store.on(["state", "step", "progress"], update);
+  store.on(["step"], () => fill(body, ...bodies[store.step]));
+  fill(body, ...bodies[store.step]);
+  update();
+  return h("aside", { class: "side" }, list, h("div", { class: "scroll" }, head, next, body, foot));
+}
+
+const WORDS: Record<string, string> = { empty: "not done yet", current: "done", outdated: "to be done again", running: "at work", failed: "failed" };
+
+function outcome(state: StepState): HTMLElement[] {
+  const parts: HTMLElement[] = [];
+  if (state.trouble) parts.push(h("p", { class: "trouble", role: "alert" }, state.trouble));
+  if (!state.result) return parts;
+  const rows = [...state.result.figures, { label: "Time", value: time(state.result.seconds) }];
+  parts.push(h("h3", {}, "Figures"), h("dl", { class: "figures" }, ...rows.flatMap((row) => [h("dt", {}, row.label), h("dd", {}, row.value)])));
+  if (state.result.warnings.length) parts.push(h("h3", {}, "Warnings"), ...state.result.warnings.map((text) => h("p", { class: "warning" }, text)));
+  return parts;
+}
+
+/** What to do next: compute this step, or go on. */
+function buttons(store: Store): HTMLElement[] {
+  const { step, state } = store;
+  if (!state?.project) return [];
+  const status = store.status(step);
+  const place = STEPS.indexOf(step);
+  if (step === "export") {
+    if (store.status("model") === "current") return [];
+    return [h("p", { class: "help" }, "The model is not up to date; exporting builds it first.")];
+  }
+  if (status === "running") return [h("button", { class: "wide", id: "cancel", onclick: () => store.send({ type: "Cancel" }) }, "Stop")];
+  if (status !== "current") {
+    const again = status === "empty" ? ABOUT[step].action : `${ABOUT[step].action} again`;
+    return [h("button", { class: "primary wide", id: "compute", disabled: state.running !== null, title: "Compute this step and what it needs (Enter)", onclick: () => store.send({ type: "Compute", until: step }) }, again)];
+  }
+  const following = STEPS[place + 1]!;
+  return [
+    h(
+      "button",
+      {
+        class: "primary wide",
+        id: "next",
+        title: "Go on (Enter)",
+        onclick: () => {
+          if (following !== "export" && store.status(following) === "empty") store.send({ type: "Compute", until: following });
+          store.goTo(following);
+        },
+      },
+      `Next: ${following === "export" ? "take the model away" : ABOUT[following].action.toLowerCase()}`,
+    ),
+  ];
+}
+
+export function time(seconds: number): string {
+  return seconds < 0.095 ? `${Math.round(seconds * 1000)} ms` : seconds < 90 ? `${seconds.toFixed(1)} s` : `${Math.floor(seconds / 60)} min ${Math.round(seconds % 60)} s`;
+}

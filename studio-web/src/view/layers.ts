@@ -1,0 +1,58 @@
+/** What is drawn besides the points: curves, fitted surfaces, control nets, the model; each can be switched and faded. */
+import * as THREE from "three";
+import type { Values } from "../frames";
+import { head } from "./cloud";
+import { FACES_FRAGMENT, FACES_VERTEX, PICK_FACES_FRAGMENT } from "./shaders";
+
+export type Palette = { palette: { value: THREE.Texture | null }; paletteSize: { value: number } };
+
+export class Lines {
+  readonly object: THREE.LineSegments;
+
+  constructor(segments: Values, colour: number) {
+    const geometry = new THREE.BufferGeometry();
+    geometry.setAttribute("position", new THREE.BufferAttribute(segments, 3));
+    this.object = new THREE.LineSegments(geometry, new THREE.LineBasicMaterial({ color: colour, transparent: true }));
+    this.object.renderOrder = 2;
+    this.object.frustumCulled = false;
+  }
+
+  fade(opacity: number): void {
+    (this.object.material as THREE.LineBasicMaterial).opacity = opacity;
+  }
+
+  dispose(): void {
+    this.object.geometry.dispose();
+  }
+}
+
+export class FaceMesh {
+  readonly object: THREE.Mesh<THREE.BufferGeometry, THREE.RawShaderMaterial>;
+  readonly picked: THREE.Mesh<THREE.BufferGeometry, THREE.RawShaderMaterial>;
+  private readonly opacity = { value: 1 };
+
+  constructor(corners: Values, faces: Values, palette: Palette) {
+    const geometry = new THREE.BufferGeometry();
+    geometry.setAttribute("position", new THREE.BufferAttribute(corners, 3));
+    const repeated = new Float32Array(3 * faces.length);
+    faces.forEach((face, k) => repeated.fill(face, 3 * k, 3 * k + 3));
+    geometry.setAttribute("face", new THREE.BufferAttribute(repeated, 1));
+    geometry.computeVertexNormals();
+    const common = { glslVersion: THREE.GLSL3, side: THREE.DoubleSide, vertexShader: head(`in vec3 normal;\n${FACES_VERTEX}`), uniforms: { ...palette, opacity: this.opacity } };
+    const offset = { polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1 };
+    this.object = new THREE.Mesh(geometry, new THREE.RawShaderMaterial({ ...common, ...offset, fragmentShader: FACES_FRAGMENT }));
+    this.picked = new THREE.Mesh(geometry, new THREE.RawShaderMaterial({ ...common, fragmentShader: PICK_FACES_FRAGMENT }));
+    this.object.frustumCulled = this.picked.frustumCulled = false;
+  }
+
+  fade(opacity: number): void {
+    this.opacity.value = opacity;
+    this.object.material.transparent = opacity < 1;
+    this.object.material.depthWrite = opacity >= 1;
+    this.object.renderOrder = opacity < 1 ? 3 : 0;
+  }
+
+  dispose(): void {
+    this.object.geometry.dispose();
+  }
+}

@@ -1,0 +1,205 @@
+"""The studio as a person uses it, in a real browser: from a scan to a STEP file."""
+
+from __future__ import annotations
+
+import io
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+playwright_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+pytest.importorskip("starlette", reason="the studio is an extra")
+
+import studio_server  # noqa: E402
+from scan2nurbs.cli.main import main  # noqa: E402
+from studio_server import Studio  # noqa: E402
+
+CHROMIUM = next((path for path in map(shutil.which, ("chromium", "chromium-browser", "google-chrome")) if path), None)
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium on this machine")
+ARGUMENTS = [
+    "--headless",
+    "--no-sandbox",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+]
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with playwright_api.sync_playwright() as playwright:
+        running = playwright.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
+        yield running
+        running.close()
+
+
+@pytest.fixture
+def studio(tmp_path):
+    running = Studio(studio_server.small_part(tmp_path / "step.ply", step=0.36))
+    yield running
+    running.stop()
+
+
+class Person:
+    """What a person does on the page; any complaint of the page's console fails the test."""
+
+    def __init__(self, context, url: str) -> None:
+        self.page = context.new_page()
+        self.complaints: list[str] = []
+        self.page.on("console", lambda message: self.complaints.append(message.text) if message.type in ("error", "warning") else None)
+        self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
+        self.page.goto(url)
+
+    def picture(self) -> np.ndarray:
+        from matplotlib.image import imread
+
+        self.page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+        return np.asarray(imread(io.BytesIO(self.page.locator("main canvas").first.screenshot())))[..., :3]
+
+    def wait(self, condition: str) -> None:
+        for _ in range(600):  # the page's policy forbids what wait_for_function does
+            if self.page.evaluate(condition):
+                return
+            self.page.wait_for_timeout(100)
+        raise AssertionError(f"This did not come true: {condition}")
+
+    def done(self, step: str) -> None:
+        self.page.wait_for_selector(f"#step-{step}.current", timeout=60_000)
+
+    def go_on(self, step: str) -> None:
+        self.page.click("#next")
+        self.done(step)
+
+    def lasso(self, corners: list[tuple[float, float]], key: str | None = None) -> int:
+        """Draw around a part of the picture, in shares of its size; return how many points are chosen."""
+        self.page.click("#tool-lasso")
+        box = self.page.locator("main canvas").first.bounding_box()
+        places = [(box["x"] + x * box["width"], box["y"] + y * box["height"]) for x, y in corners]
+        self.page.mouse.move(*places[0])
+        self.page.mouse.down()
+        for place in [*places[1:], places[0]]:
+            self.page.mouse.move(*place, steps=6)
+        self.page.mouse.up()
+        return self.page.evaluate("studio.selection.count")
+
+
+def n_edits(n: int, done: int) -> str:
+    return f"studio.store.state.edits.length === {n} && studio.store.state.edits.filter((edit) => edit.done).length === {done}"
+
+
+def test_from_a_scan_to_a_step_file(browser, studio, tmp_path):
+    context = browser.new_context(viewport={"width": 1280, "height": 720})
+    person = Person(context, studio.url)
+    person.done("scan")
+    person.wait("studio.viewer.cloud !== null")
+    assert "token" not in person.page.url
+    scan_picture = person.picture()
+    assert scan_picture.std() > 0.05  # a blank canvas has none
+
+    person.go_on("edges")
+    move_the_threshold(person)
+    correct_edges(person)
+    person.page.reload()
+    person.done("edges")
+    person.wait(n_edits(2, 2))
+    person.page.wait_for_selector("text=taken away", timeout=30_000)
+    person.wait("studio.viewer.cloud !== null")
+
+    person.go_on("faces")
+    other = Person(context, studio.origin)  # a second tab
+    other.done("faces")
+    split_a_face(person, other)
+
+    person.go_on("surfaces")
+    person.go_on("model")
+    model_picture = person.picture()
+    assert model_picture.std() > 0.05
+    assert np.abs(model_picture - scan_picture).mean() > 0.01
+    exported = take_away(person, tmp_path / "exported.step")
+    assert person.complaints == other.complaints == []
+    context.close()
+
+    from scan2nurbs.brep.check import check
+    from scan2nurbs.brep.read import read_shape
+
+    assert check(read_shape(exported)).valid
+    again = tmp_path / "replayed" / "step.step"
+    again.parent.mkdir()
+    with pytest.raises(SystemExit) as ended:
+        main(["convert", "--project", str(tmp_path / "step.ply.s2n"), "-o", str(again), "--quiet"])
+    assert not ended.value.code
+    assert again.read_bytes() == exported.read_bytes()
+
+
+def move_the_threshold(person: Person) -> None:
+    page, before = person.page, person.picture()
+    assert len(np.unique((before * 16).astype(int).reshape(-1, 3), axis=0)) > 20
+    page.evaluate("const s = document.getElementById('threshold'); s.value = '89'; s.dispatchEvent(new Event('input'))")
+    assert page.evaluate("studio.store.state.edits.length") == 0  # nothing is sent while the slider moves
+    page.wait_for_timeout(400)
+    assert np.abs(person.picture() - before).mean() > 0.003
+    page.evaluate("const s = document.getElementById('threshold'); s.value = '20'; s.dispatchEvent(new Event('change'))")
+    person.wait(n_edits(1, 1))
+    person.done("edges")
+
+
+def correct_edges(person: Person) -> None:
+    page, whole = person.page, [(0.2, 0.2), (0.8, 0.2), (0.8, 0.85), (0.2, 0.85)]
+    visible = person.lasso(whole)
+    page.click("#through")
+    assert 100 < visible < 0.8 * person.lasso(whole)
+    page.click("#visible")
+    assert 10 < person.lasso([(0.35, 0.3), (0.5, 0.3), (0.5, 0.8), (0.35, 0.8)]) < visible
+    page.click("#boundary-drop")
+    person.wait(n_edits(2, 2))
+    page.wait_for_selector("text=taken away", timeout=30_000)
+    page.keyboard.press("Control+z")
+    person.wait(n_edits(2, 1))
+    page.wait_for_selector("text=taken away", state="detached", timeout=30_000)
+    page.click("#redo")
+    person.wait(n_edits(2, 2))
+    page.wait_for_selector("text=taken away", timeout=30_000)
+
+
+def split_a_face(person: Person, other: Person) -> None:
+    page = person.page
+    n_faces = page.evaluate("studio.store.entries().length")
+    page.keyboard.press("t")
+    page.click("#tool-turn")
+    box = page.locator("main canvas").first.bounding_box()
+    page.mouse.click(box["x"] + 0.4 * box["width"], box["y"] + 0.5 * box["height"])
+    person.wait("studio.store.faces.length === 1")  # picked in the picture
+    assert person.lasso([(0.3, 0.2), (0.45, 0.2), (0.45, 0.9), (0.3, 0.9)]) > 50
+    page.click("#face-split")
+    person.wait(f"studio.store.entries().length === {n_faces + 1} && studio.store.status('faces') === 'current'")
+    other.wait(f"studio.store.entries().length === {n_faces + 1}")
+
+
+def take_away(person: Person, path: Path) -> Path:
+    page = person.page
+    page.click("#next")
+    page.click("#export-step")
+    page.wait_for_selector("a.download", timeout=60_000)
+    with page.expect_download() as download:
+        page.click("a.download")
+    download.value.save_as(path)
+    return path
+
+
+def test_what_a_person_is_told_when_the_studio_is_gone(browser, tmp_path):
+    studio = Studio(cwd=tmp_path)
+    context = browser.new_context(viewport={"width": 1280, "height": 720})
+    person = Person(context, studio.url)
+    person.page.wait_for_selector("text=Drop the file of a scan here")
+    person.page.keyboard.press("?")
+    person.page.wait_for_selector("text=Keyboard and mouse")
+    studio.kill()
+    person.page.wait_for_selector("text=The studio is not running", timeout=20_000)
+    context.close()

@@ -1,0 +1,219 @@
+"""Projects of the studio: edits that are done again, files that are never half-written, sliders that need no new pass."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import studio_server
+from scan2nurbs.cli.main import main
+from scan2nurbs.cloud import as_cloud
+from scan2nurbs.edges.detect import detect
+from scan2nurbs.edges.params import EdgeParams
+from scan2nurbs.errors import InputError, ParameterError
+from scan2nurbs.part import part_scan
+from scan2nurbs.scale import measure_scale
+from scan2nurbs.studio.edits import describe_edit, replay, step_of
+from scan2nurbs.studio.live import moved
+from scan2nurbs.studio.project import FILE, Project, create_project, open_project
+from scan2nurbs.studio.stages import Reached, Stages
+
+EDITS = [
+    {"set": {"stage": "edges", "name": "threshold", "value": 15}},
+    {"boundary": {"add": {"indices": [5, 6]}}},
+    {"boundary": {"drop": {"lassos": [{"view": "xy", "polygon": [[0, 0], [8, 0], [4, 6]]}]}}},
+    {"face": {"merge": [0, 1]}},
+    {"face": {"type": {"face": 0, "kind": "bspline"}}},
+    {"set": {"stage": "segment", "name": "keep_types", "value": ["plane", "cylinder"]}},
+    {"set": {"stage": "topology", "name": "fill_holes", "value": True}},
+    {"set": {"stage": "scan", "name": "unit", "value": "cm"}},
+]
+
+
+@pytest.fixture(scope="module")
+def scan(tmp_path_factory) -> Path:
+    return studio_server.small_part(tmp_path_factory.mktemp("scans") / "step.ply", step=0.5)
+
+
+def test_edits_amount_to_parameters():
+    plan = replay(EDITS)
+    assert plan.unit == "cm"
+    assert plan.params.edges.threshold == 15.0
+    assert [step.action for step in plan.params.boundary] == ["add", "drop"]
+    assert plan.params.corrections is not None
+    assert [step.action for step in plan.params.corrections.steps] == ["merge", "type"]
+    assert plan.params.segment.keep_types == ("plane", "cylinder")
+    assert plan.params.topology.fill_holes
+
+
+def test_only_steps_that_follow_from_an_edit_get_another_key():
+    plain = replay([])
+    for edit in EDITS[:-1]:
+        changed = replay([edit])
+        order = ["scan", "edges", "faces", "surfaces", "model"]
+        first = order.index(step_of(edit))
+        for k, step in enumerate(order):
+            assert (changed.key(step) == plain.key(step)) == (k < first), (edit, step)
+
+
+@pytest.mark.parametrize(
+    "edit",
+    [
+        {"set": {"stage": "edges", "name": "threshold", "value": 91}},
+        {"set": {"stage": "edges", "name": "threshold", "value": "high"}},
+        {"set": {"stage": "edges", "name": "threshold", "value": float("nan")}},
+        {"set": {"stage": "edges", "name": "__class__", "value": 1}},
+        {"set": {"stage": "os", "name": "system", "value": 1}},
+        {"set": {"stage": "scan", "name": "unit", "value": "furlong"}},
+        {"set": {"stage": "relations", "name": "relations", "value": 1}},
+        {"set": {"stage": "segment", "name": "keep_types", "value": [[1]]}},
+        {"boundary": {"keep": {"indices": [1]}}},
+        {"boundary": {"add": {"indices": [-1]}}},
+        {"face": {"explode": 3}},
+        {"face": {"merge": [1]}},
+        {"face": {"split": {"face": 0, "lassos": [{"view": "xy", "polygon": [[0, 0]]}]}}},
+    ],
+)
+def test_an_edit_that_says_nothing_is_refused_with_a_sentence(edit):
+    with pytest.raises((ParameterError, InputError)) as refused:
+        replay([edit])
+    assert str(refused.value).endswith(".")
+    assert "tmp" not in str(refused.value)
+
+
+def test_every_edit_is_described():
+    said = [describe_edit(edit) for edit in EDITS]
+    assert said[0] == "Threshold: 15"
+    assert said[1] == "Add to the boundary: 2 points"
+    assert said[2] == "Take from the boundary: a lasso"
+    assert said[3:5] == ["Merge faces 0, 1", "Face 0 is a bspline"]
+
+
+@given(st.lists(st.sampled_from([*EDITS, "undo", "redo"]), max_size=12))
+def test_undo_and_redo_are_inverse(actions):
+    project = Project(Path(), Path("scan.ply"), "")
+    for action in actions:
+        before = project
+        project = project.moved(-1) if action == "undo" else project.moved(1) if action == "redo" else project.with_edit(action)
+        if action not in ("undo", "redo"):
+            assert project.moved(-1).done_edits == before.done_edits
+            assert project.moved(-1).moved(1) == project
+    assert len(project.edits) >= project.done >= 0
+
+
+def test_a_project_comes_back_as_it_was_saved(scan, tmp_path):
+    project = create_project(scan, tmp_path / "p")
+    for edit in EDITS:
+        project = project.with_edit(edit)
+        project.save()
+    project = project.moved(-1).moved(-1)
+    project.save()
+    assert open_project(tmp_path / "p", check=True) == project
+    assert create_project(scan, tmp_path / "p") == project
+    assert [path.name for path in (tmp_path / "p").iterdir()] == [FILE]
+
+
+def test_a_project_that_cannot_be_written_stays_as_it_was(scan, tmp_path, monkeypatch):
+    project = create_project(scan, tmp_path / "p")
+    before = (tmp_path / "p" / FILE).read_bytes()
+
+    def fail(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(os, "replace", fail)
+    with pytest.raises(KeyboardInterrupt):
+        project.with_edit(EDITS[0]).save()
+    assert (tmp_path / "p" / FILE).read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "",
+        "[]",
+        "{}",
+        '{"schema": "scan2nurbs/project/1"}',
+        '{"schema": "scan2nurbs/project/1", "scan": {"path": "x", "sha256": ""}, "edits": [1], "done": 1, "reached": "scan"}',
+    ],
+)
+def test_what_is_no_project_is_refused(content, tmp_path):
+    (tmp_path / FILE).write_text(content)
+    with pytest.raises(InputError) as refused:
+        open_project(tmp_path)
+    assert str(refused.value).endswith(".")
+
+
+def test_a_project_knows_its_scan(scan, tmp_path):
+    copy = tmp_path / "scan.ply"
+    shutil.copy(scan, copy)
+    project = create_project(copy)
+    assert json.loads((project.folder / FILE).read_text())["scan"]["path"] == "../scan.ply"
+    copy.write_bytes(copy.read_bytes()[:-1] + b"x")
+    with pytest.raises(InputError, match="not the one"):
+        open_project(project.folder, check=True)
+    with pytest.raises(InputError, match="another scan"):
+        create_project(copy)
+
+
+def test_the_command_line_wants_either_a_scan_or_a_project(scan, tmp_path, capsys):
+    create_project(scan, tmp_path / "p")
+    for arguments in (
+        ["convert"],
+        ["convert", scan, "--project", tmp_path / "p"],
+        ["convert", "--project", tmp_path / "p", "--unit", "cm"],
+    ):
+        with pytest.raises(SystemExit) as stopped:
+            main([str(argument) for argument in arguments])
+        assert stopped.value.code == 2
+        assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_sliders_give_what_a_new_pass_would(scan):
+    cloud = as_cloud(scan)
+    scale = measure_scale(cloud.points)
+    for operator in ("crease", "edn"):
+        before = EdgeParams(operator=operator)
+        found = detect(cloud.points, scale, before)
+        for change in ({"threshold": 33.0}, {"threshold": 8.0, "alpha": 0.7}):
+            after = EdgeParams(operator=operator, **change)
+            by_slider, by_pass = moved(found, before, after), detect(cloud.points, scale, after)
+            assert by_slider is not None
+            np.testing.assert_array_equal(by_slider.mask, by_pass.mask)
+            np.testing.assert_array_equal(by_slider.strength, by_pass.strength)
+            assert (by_slider.threshold, by_slider.runs) == (by_pass.threshold, by_pass.runs)
+    assert moved(found, EdgeParams(operator="edn"), EdgeParams(operator="edn", large_radius=9.0)) is None
+    assert moved(found, EdgeParams(operator="edn"), EdgeParams(operator="edn", repeat=2)) is None
+
+
+def test_only_what_depends_on_a_change_is_computed_again(scan):
+    stages = Stages()
+    computed: list[str] = []
+
+    def run(edits, until):
+        computed.clear()
+        steps = []
+        plan = replay(edits)
+        stages.begin(until, steps.append)
+
+        def counted(stage, given, compute):
+            return stages(stage, given, lambda: (computed.append(stage), compute())[1])
+
+        with contextlib.suppress(Reached):
+            part_scan(scan, plan.params, run=counted)
+        return list(computed)
+
+    assert run([], "edges") == ["read", "scale", "edges"]
+    assert run([], "faces") == ["faces"]
+    assert run([{"face": {"delete": 0}}], "faces") == ["corrections"]
+    assert run([], "faces") == []
+    assert run([{"boundary": {"drop": {"boxes": [{"min": [None, None, None], "max": [None, None, None]}]}}}], "edges") == ["boundary"]
+    assert not stages.results["boundary"].mask.any()
+    assert run([{"set": {"stage": "edges", "name": "threshold", "value": 40}}], "edges") == []

@@ -1,0 +1,127 @@
+"""A project in the studio: computing, undoing, stopping, being killed, two pages at once, the same file from the command line."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("starlette", reason="the studio is an extra")
+pytest.importorskip("uvicorn", reason="the studio is an extra")
+pytest.importorskip("websockets", reason="the studio is an extra")
+
+import studio_server
+from scan2nurbs.cli.main import main
+from scan2nurbs.studio.frames import unpack
+from studio_server import Studio, hear, is_current, say
+
+
+@pytest.fixture
+def scan(tmp_path) -> Path:
+    return studio_server.small_part(tmp_path / "step.ply", step=0.4)
+
+
+def figures(state: dict, step: str) -> dict[str, str]:
+    result = next(entry for entry in state["steps"] if entry["step"] == step)["result"]
+    return {figure["label"]: figure["value"] for figure in result["figures"]}
+
+
+def edit(page, **content) -> None:
+    say(page, "Edit", edit=content)
+
+
+def test_corrections_survive_a_kill_and_give_the_file_of_the_command_line(scan):
+    studio = Studio(scan)
+    with studio.page() as page, studio.page() as other:
+        say(page, "Compute", until="faces")
+        state = hear(page, "State", is_current("faces"))
+        n_faces = int(figures(state, "faces")["Faces"])
+        edit(page, face={"split": {"face": 0, "boxes": [{"min": [None, None, None], "max": [56, None, None]}]}})
+        split = hear(page, "State", lambda state: len(state["edits"]) == 1 and is_current("faces")(state))
+        assert int(figures(split, "faces")["Faces"]) == n_faces + 1
+        seen = hear(other, "State", lambda state: len(state["edits"]) == 1 and is_current("faces")(state))
+        assert seen["edits"] == split["edits"]
+        say(other, "Undo")
+        undone = hear(page, "State", lambda state: state["can_redo"] and is_current("faces")(state))
+        assert int(figures(undone, "faces")["Faces"]) == n_faces
+        say(page, "Redo")
+        hear(page, "State", lambda state: not state["can_redo"] and is_current("faces")(state))
+        edit(page, boundary={"drop": {"indices": [1, 2, 3]}})
+        hear(page, "State", lambda state: len(state["edits"]) == 2)
+        say(page, "Compute", until="model")
+        hear(page, "State", lambda state: state["running"] == "model")
+        studio.kill()  # in the middle of a computation
+
+    studio = Studio(scan)
+    try:
+        with studio.page() as page:
+            state = hear(page, "State")
+            assert [entry["done"] for entry in state["edits"]] == [True, True]
+            say(page, "Export", kind="step")
+            state = hear(page, "State", lambda state: bool(state["files"]) and state["running"] is None)
+            assert state["files"][0]["name"] == "step.step"
+            assert state["files"][0]["current"]
+            assert figures(state, "model")["Check"] == "valid"
+            status, _, exported = studio.ask("GET", "/files/step.step", Cookie=studio.cookie())
+            assert status == 200
+    finally:
+        studio.stop()
+    again = scan.parent / "again" / "step.step"
+    again.parent.mkdir()
+    with pytest.raises(SystemExit) as ended:
+        main(["convert", "--project", f"{scan}.s2n", "-o", str(again), "--quiet"])
+    assert not ended.value.code
+    assert again.read_bytes() == exported
+
+
+def test_a_computation_can_be_stopped_and_troubles_are_sentences(scan):
+    studio = Studio(scan)
+    try:
+        with studio.page() as page:
+            hear(page, "State", is_current("scan"))
+            say(page, "Compute", until="model")
+            hear(page, "Progress", lambda progress: progress["step"] == "edges")
+            start = time.monotonic()
+            say(page, "Cancel")
+            state = hear(page, "State", lambda state: state["running"] is None)
+            assert time.monotonic() - start < 5
+            assert not is_current("model")(state)
+            say(page, "Compute", until="faces")
+            hear(page, "State", is_current("faces"))
+            edit(page, face={"merge": [0, 777]})
+            state = hear(page, "State", lambda state: any(entry["trouble"] for entry in state["steps"]))
+            trouble = next(entry for entry in state["steps"] if entry["trouble"])
+            assert trouble["step"] == "faces"
+            assert "no face 777" in trouble["trouble"]
+            say(page, "Undo")
+            hear(page, "State", is_current("faces"))
+    finally:
+        studio.stop()
+
+
+def test_arrays_say_what_the_messages_say(scan):
+    studio = Studio(scan)
+    try:
+        with studio.page() as page:
+            say(page, "Compute", until="edges")
+            frames = {}
+            while "edges" not in frames:
+                message = page.recv(timeout=60)
+                if isinstance(message, bytes):
+                    header, arrays = unpack(message)
+                    frames[header["name"]] = arrays
+            state = hear(page, "State", is_current("edges"))
+            n = len(frames["cloud"]["points"])
+            assert figures(state, "scan")["Points"] == f"{n:,}"
+            assert frames["cloud"]["rows"].tolist() == list(range(1, n + 1))  # the first row of the file is no point
+            above = int((frames["edges"]["strength"] > 12).sum())
+            assert figures(state, "edges")["Edge points"] == f"{above:,} of {n:,}"
+            edit(page, boundary={"add": {"indices": [1, 2]}})
+            while True:
+                message = page.recv(timeout=60)
+                if isinstance(message, bytes):
+                    break
+            assert unpack(message)[1]["corrected"][:2].max() <= 1
+    finally:
+        studio.stop()
