@@ -10,7 +10,8 @@ from typing import Any
 
 from scan2nurbs.brep.occ import CONFUSION, kernel_errors, silence
 
-_DEFLECTION = 2e-3
+_DEFLECTIONS = (1e-2, 2e-3)
+"""Shares of a shape's extent. Coarse triangles may cross in a narrow place where finer ones do not."""
 _FAILURES = 0x1 | 0x2 | 0x4
 """IMeshData_Status: an open wire, a wire that crosses itself, a failure."""
 
@@ -114,8 +115,11 @@ def is_valid_meshed(shape: Any) -> bool:
     BRepBndLib.Add_s(shape, box, False)
     if box.IsVoid():
         return True
-    copy = BRepBuilderAPI_Copy(shape).Shape()
-    # The kernel refuses a deflection below its own absolute tolerance.
-    deflection = max(_DEFLECTION * box.SquareExtent() ** 0.5, CONFUSION)
-    mesh = BRepMesh_IncrementalMesh(copy, deflection, False, 0.5, False)
-    return mesh.GetStatusFlags() & _FAILURES == 0 and is_valid(copy)
+    for share in _DEFLECTIONS:
+        copy = BRepBuilderAPI_Copy(shape).Shape()
+        # The kernel refuses a deflection below its own absolute tolerance.
+        deflection = max(share * box.SquareExtent() ** 0.5, CONFUSION)
+        mesh = BRepMesh_IncrementalMesh(copy, deflection, False, 0.5, False)
+        if mesh.GetStatusFlags() & _FAILURES == 0 and is_valid(copy):
+            return True
+    return False

@@ -101,13 +101,14 @@ def join_freeform(pieces: Pieces, on_edge: NDArray[np.bool_], scale: Scale, nois
     least = max(noise, LEAST_DEVIATION * scale.h)
     bent = tuple(c for c in bent if not _creased(pieces, c, on_edge, scale.h))
     clear = {c.pair for c in bent}
-    joins = [c.pair for c in smooth if c.pair in clear and doubts[c.pair] > CERTAIN and _run_on(pieces, contacts, c, least)]
-    parent = _joined(len(pieces.fits), joins)
-    parent = _continued(pieces, [c.pair for c in bent if doubts.get(c.pair, np.inf) > 1.0], joins, parent)
+    run_on = {c.pair for c in smooth if c.pair in clear and doubts[c.pair] > 1.0 and _run_on(pieces, contacts, c, least)}
+    doubted = {c.pair: c.pair in run_on for c in bent if doubts.get(c.pair, np.inf) > 1.0}
+    parent = _continued(pieces, doubted, [pair for pair in sorted(run_on) if doubts[pair] > CERTAIN])
     parent = _absorbed(pieces, contacts, smooth, parent, least)
     label, fits = pieces.label.copy(), list(pieces.fits)
     for group in _groups(parent):
-        for members, fit in _fitted(pieces, group, [c for c in bent if c.pair[0] in group and c.pair[1] in group], kinds, noise):
+        within = [c for c in bent if c.pair[0] in group and c.pair[1] in group]
+        for members, fit in _fitted(pieces, group, within, _beside(group, doubted, parent), kinds, noise):
             label[np.isin(label, members)] = members[0]
             fits[members[0]] = fit
     return replace(pieces, label=label, fits=tuple(fits))
@@ -135,13 +136,18 @@ def _runs_on(pieces: Pieces, contacts: Contacts, contact: Contact, noise: float)
     return out[0], out[1]
 
 
-def _continued(pieces: Pieces, pairs: list[tuple[int, int]], joins: list[tuple[int, int]], parent: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Let what is freeform for certain go on up to the next crease; where most points are on it, over pieces that stand alone, too."""
+def _continued(pieces: Pieces, doubted: dict[tuple[int, int], bool], joins: list[tuple[int, int]]) -> NDArray[np.int64]:
+    """Let what is freeform for certain go on up to the next crease, over pieces that stand alone where their surface runs on.
+
+    Where most of the points are freeform, it goes on over all pieces that are not tangent.
+    """
+    parent = _joined(len(pieces.fits), joins)
     size = np.bincount(pieces.label[pieces.label >= 0], minlength=len(parent))
     while True:
         free = np.bincount(parent, minlength=len(parent))[parent] > 1
         organic = size[free].sum() > MOST * size.sum()
-        more = [pair for pair in pairs if (free[list(pair)].any() if organic else free[list(pair)].all())]
+        either = {pair for pair, runs_on in doubted.items() if runs_on or organic}
+        more = [pair for pair in doubted if free[list(pair)].all() or (pair in either and free[list(pair)].any())]
         wider = _joined(len(parent), [*joins, *more])
         if (wider == parent).all():
             return parent
@@ -189,12 +195,12 @@ def _groups(parent: NDArray[np.int64]) -> list[list[int]]:
 
 
 def _fitted(
-    pieces: Pieces, group: list[int], smooth: list[Contact], kinds: Sequence[Kind], noise: float
+    pieces: Pieces, group: list[int], smooth: list[Contact], beside: list[int], kinds: Sequence[Kind], noise: float
 ) -> list[tuple[list[int], ShapeFit]]:
     """Return the charts of a group with their fits: the whole of it if that pays, else as few as do; what stays as it is, is left out."""
     whole = _fit(pieces, group, kinds, noise)
     if whole is not None:
-        return [(group, whole)]
+        return [_extended(pieces, group, whole, beside, kinds, noise)]
     found, left = [], [group]
     for widest in WIDEST:
         failed = []
@@ -210,14 +216,38 @@ def _fitted(
     return found
 
 
+def _beside(group: list[int], doubted: dict[tuple[int, int], bool], parent: NDArray[np.int64]) -> list[int]:
+    """Return the pieces that stand alone beside a group and are not tangent to it."""
+    alone = np.bincount(parent, minlength=len(parent)) == 1
+    return sorted({j for pair in doubted for i, j in (pair, pair[::-1]) if i in group and alone[j]})
+
+
+def _extended(
+    pieces: Pieces, group: list[int], fit: ShapeFit, beside: list[int], kinds: Sequence[Kind], noise: float
+) -> tuple[list[int], ShapeFit]:
+    """Let the surface of a group take in pieces beside it wherever it costs less to describe both at once."""
+    for m in beside:
+        wider = sorted([*group, m])
+        joint = _fit(pieces, wider, kinds, noise)
+        if joint is not None and _price(pieces, wider, joint) < _price(pieces, group, fit) + _price(pieces, [m], pieces.fits[m]):
+            group, fit = wider, joint
+    return group, fit
+
+
+def _price(pieces: Pieces, members: list[int], fit: ShapeFit) -> float:
+    """Return the length of the description of a surface; each control point is determined by the points in its own few spans only."""
+    n, free = int(np.isin(pieces.label, members).sum()), fit.shape.freedom
+    return MODEL_COST + 0.5 * free * float(np.log(max(n / free if fit.shape.kind == "bspline" else n, 2.0)))
+
+
 def _fit(pieces: Pieces, members: list[int], kinds: Sequence[Kind], noise: float) -> ShapeFit | None:
     """Return the one surface of some pieces, or None where it does not explain the points or is the longer description."""
     mine = np.flatnonzero(np.isin(pieces.label, members))
     p, own = pieces.points[mine], pieces.label[mine]
-    d, cost = np.empty(len(mine)), 0.0
+    d = np.empty(len(mine))
     for m in members:
         d[own == m] = pieces.fits[m].shape.distance(p[own == m])
-        cost += MODEL_COST + 0.5 * pieces.fits[m].shape.freedom * np.log(max(int((own == m).sum()), 2))
+    cost = sum(_price(pieces, [m], pieces.fits[m]) for m in members)
     primitives: list[Kind] = [kind for kind in kinds if kind in COLUMNS]
     for simple in (True, False)[: 1 + (len(members) >= LEAST_PIECES)]:
         try:
@@ -226,11 +256,9 @@ def _fit(pieces: Pieces, members: list[int], kinds: Sequence[Kind], noise: float
             continue
         off = fit.shape.distance(p)
         left = study(fit.shape.foot(p), off, max(noise, _rough(d)))
-        # Each control point is determined by the points in its own few spans only.
-        price = MODEL_COST + 0.5 * fit.shape.freedom * np.log(max(len(mine) / fit.shape.freedom, 2.0))
         # Residuals of the pieces are too small to compare with: each point chose the piece that it is nearest to.
         explained = left.nothing_left() if simple else left.explained(noise)
-        if explained and price < cost and _rough(off) <= ROUGHEST * max(_rough(d), noise):
+        if explained and _price(pieces, members, fit) < cost and _rough(off) <= ROUGHEST * max(_rough(d), noise):
             return fit
     return None
 
