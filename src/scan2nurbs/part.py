@@ -11,8 +11,7 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from scan2nurbs.brep.part import PartModel, build_part
-from scan2nurbs.brep.part import PartParams as ModelParams
+from scan2nurbs.brep.part import ModelParams, PartModel, build_part
 from scan2nurbs.brep.write import WrittenModel
 from scan2nurbs.brep.write_part import write_part
 from scan2nurbs.cloud import PointCloud, PointSource, as_cloud
@@ -27,7 +26,7 @@ from scan2nurbs.part_faces import BoundaryStep, Parted, by_topology, corrected, 
 from scan2nurbs.part_report import part_report
 from scan2nurbs.report.colours import face_colours
 from scan2nurbs.report.record import Stopwatch
-from scan2nurbs.scale import Scale, line_share, measure_scale
+from scan2nurbs.scale import Scale, measure_scale, require_surface
 from scan2nurbs.surfaces.relations import Related, impose_relations
 from scan2nurbs.surfaces.shape import Shape
 
@@ -255,16 +254,6 @@ def _measured(cloud: PointCloud, progress: StageProgress | None) -> Scale:
     scale = measure_scale(cloud.points, progress=_stage(progress, "measuring"))
     require_surface(scale)
     return scale
-
-
-def require_surface(scale: Scale) -> None:
-    """Refuse points that lie on curves: what spacing and normals are measured from them means nothing."""
-    share = line_share(scale.cells)
-    if share > 0.5:
-        raise NoResultError(
-            f"The neighbours of {share:.0%} of the points form a line: these points lie on curves, as the vertices of a CAD mesh do, "
-            "and not all over a surface. Scan or sample the surface between them (`scan2nurbs simulate` does so from a STEP file)."
-        )
 
 
 def _stage(progress: StageProgress | None, name: str) -> Progress | None:

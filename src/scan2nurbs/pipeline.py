@@ -25,7 +25,7 @@ from scan2nurbs.faces.region import Region, RegionParams, group_points
 from scan2nurbs.faces.trim import REACH, Trim, trim_region
 from scan2nurbs.kernels.runner import Progress, thread_count
 from scan2nurbs.report.record import Stopwatch
-from scan2nurbs.scale import Scale, line_share, measure_scale
+from scan2nurbs.scale import Scale, measure_scale, require_surface
 from scan2nurbs.surface_report import surface_report
 from scan2nurbs.surfaces.fit import FitParams, SurfaceFit, fit_surface
 
@@ -164,7 +164,7 @@ def reconstruct_surface(
         cloud = as_cloud(source, unit)
     with watch("scale"):
         scale = measure_scale(cloud.points, progress=stage("measuring"))
-        _require_surface(scale)
+        require_surface(scale)
     with watch("edges"):
         edges = detect(cloud.points, scale, params.edges, stage("finding edges"))
     with watch("boundary"):
@@ -176,16 +176,6 @@ def reconstruct_surface(
         face = trimmed_face(trim.surface, loops, tolerance=max(0.5 * scale.h, 2.0 * scale.noise))
     model = SurfaceModel(cloud, scale, edges, band, *inside, fit, trim.inside, trim, face, {})
     return replace(model, report=surface_report(model, params, watch.seconds))
-
-
-def _require_surface(scale: Scale) -> None:
-    """Refuse points that lie on curves: what spacing and normals are measured from them means nothing."""
-    share = line_share(scale.cells)
-    if share > 0.5:
-        raise NoResultError(
-            f"The neighbours of {share:.0%} of the points form a line: these points lie on curves, as the vertices of a CAD mesh do, "
-            "and not all over a surface. Scan or sample the surface between them (`scan2nurbs simulate` does so from a STEP file)."
-        )
 
 
 class _Inside(NamedTuple):

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 from scipy.stats import chi2
 
+from scan2nurbs.errors import NoResultError
 from scan2nurbs.kernels.cells import POINTS_PER_CELL, Cells, build_cells
 from scan2nurbs.kernels.nearest import nearest_distance, nearest_neighbours, nearest_to
 from scan2nurbs.kernels.runner import Progress
@@ -140,6 +141,22 @@ def _quadric_noise(cells: Cells, k: int, quantile: float = 0.2) -> float:
     freedom = k - basis.shape[2]
     variance = (residual**2).sum(axis=1) * distance[:, -1] ** 2 / freedom
     return float(np.sqrt(np.quantile(variance, quantile) * freedom / chi2.ppf(quantile, freedom)))
+
+
+def require_surface(scale: Scale) -> None:
+    """Refuse points that lie on curves: what spacing and normals are measured from them means nothing.
+
+    Raises
+    ------
+    NoResultError
+        If most neighbourhoods form a line.
+    """
+    share = line_share(scale.cells)
+    if share > 0.5:
+        raise NoResultError(
+            f"The neighbours of {share:.0%} of the points form a line: these points lie on curves, as the vertices of a CAD mesh do, "
+            "and not all over a surface. Scan or sample the surface between them (`scan2nurbs simulate` does so from a STEP file)."
+        )
 
 
 def line_share(cells: Cells) -> float:

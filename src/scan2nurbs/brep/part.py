@@ -31,7 +31,7 @@ _TOO_WIDE = "Its edges would lie too far from its neighbours."
 
 
 @dataclass(frozen=True, kw_only=True)
-class PartParams:
+class ModelParams:
     """How a part is built.
 
     Attributes
@@ -147,7 +147,7 @@ def build_part(
     fits: Sequence[Fitted],
     topology: Topology,
     scale: Scale,
-    params: PartParams | None = None,
+    params: ModelParams | None = None,
     progress: Progress | None = None,
 ) -> PartModel:
     """Build the model of a part from its surfaces and from how they meet.
@@ -161,7 +161,7 @@ def build_part(
     topology : Topology
         Borders, vertices and loops.
     scale : Scale
-    params : PartParams, optional
+    params : ModelParams, optional
     progress : callable, optional
 
     Raises
@@ -170,7 +170,7 @@ def build_part(
         If no face could be made at all.
     """
     silence()
-    params = params or PartParams()
+    params = params or ModelParams()
     if not len(fits):
         raise NoResultError("There is no face to build a model of.")
     factor = kernel_scale(float(np.linalg.norm(np.ptp(points, axis=0))))
@@ -185,7 +185,7 @@ def build_part(
 
 
 def _trimmed(
-    shapes: list[Any], topology: Topology, h: float, factor: float, params: PartParams, tell: Progress
+    shapes: list[Any], topology: Topology, h: float, factor: float, params: ModelParams, tell: Progress
 ) -> tuple[SharedFaces, list[int], list[str]]:
     """Trim the faces; where some fail, their borders are laid anew, closer to the points that they came from."""
     caution = [0] * len(topology.borders)
@@ -207,7 +207,7 @@ def _trimmed(
 
 
 def _loosened(
-    made: SharedFaces, shapes: list[Any], topology: Topology, h: float, factor: float, caution: list[int], params: PartParams
+    made: SharedFaces, shapes: list[Any], topology: Topology, h: float, factor: float, caution: list[int], params: ModelParams
 ) -> tuple[SharedFaces, list[int]]:
     """Trim the faces again without those that failed, or that only too wide a tolerance would hold to their neighbours."""
     for _ in range(2):
@@ -224,7 +224,7 @@ def _loosened(
     return made, caution
 
 
-def _wide_notes(made: SharedFaces, params: PartParams, h: float) -> list[str]:
+def _wide_notes(made: SharedFaces, params: ModelParams, h: float) -> list[str]:
     said = "The surfaces of faces {} and {} lie {:.2g} spacings from the edge between them."
     wide = [c for c in made.curves if c.gap > params.widest * h and min(c.faces) >= 0]
     return [said.format(c.faces[0] + 1, c.faces[1] + 1, c.gap / h) for c in wide]
@@ -237,7 +237,7 @@ def _completed(
     h: float,
     factor: float,
     caution: list[int],
-    params: PartParams,
+    params: ModelParams,
     notes: list[str],
 ) -> tuple[list[tuple[Any, ...]], list[str]]:
     """Give faces that failed an outline of their own."""
@@ -288,7 +288,7 @@ def _model(
     how: list[str],
     scale: Scale,
     factor: float,
-    params: PartParams,
+    params: ModelParams,
     notes: list[str],
 ) -> PartModel:
     every = [face for pieces in faces for face in pieces]

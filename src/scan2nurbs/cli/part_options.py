@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from scan2nurbs.brep.part import PartParams as ModelParams
+from scan2nurbs.brep.part import ModelParams
 from scan2nurbs.cli.config import Config, parameters
 from scan2nurbs.cli.options import Given, Stage
 from scan2nurbs.edges.params import EdgeParams

@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, get_origin, get_type_hints
 
-from scan2nurbs.brep.part import PartParams as ModelParams
+from scan2nurbs.brep.part import ModelParams
 from scan2nurbs.cloud import UNITS
 from scan2nurbs.described import bare_type
 from scan2nurbs.edges.corrections import selection_from
