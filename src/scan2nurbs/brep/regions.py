@@ -150,6 +150,8 @@ class _Walls:
         chart, cut = layout.chart, layout.cut
         self.low = np.array(chart.start)
         self.high = np.array([s + p if p else np.inf for s, p in zip(chart.start, chart.period, strict=True)])
+        # Where a direction is not cut, its parameters may lie in any one period.
+        self.low[[not c for c in cut]], self.high[[not c for c in cut]] = -np.inf, np.inf
         self.solid = [cut[1], cut[0], cut[1], cut[0]]
         poles = chart.poles
         if chart.period[1] is None:
