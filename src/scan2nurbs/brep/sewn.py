@@ -1,5 +1,8 @@
 """Sew faces that have outlines of their own to the free edges of their neighbours, where these run within a tolerance of each other."""
 
+# The kernel's modules are filled when they are imported; a type checker sees them empty.
+# pyright: reportAttributeAccessIssue=false
+
 from __future__ import annotations
 
 from collections.abc import Sequence
