@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from scan2nurbs.kernels.runner import inlined, kernel
+from scan2nurbs.kernels.runner import inlined, summing
 
 POINT_ROWS = 4
 """Rows of a table of points: x, y, z, and the sector."""
@@ -14,7 +14,7 @@ ON_PLANE = np.float32(1e-6)
 FEW = 1.0 / 32.0
 
 
-@kernel
+@summing
 def ball_sums(table, border, filled, local, m, limit, sums):
     """Sum the moments of the balls about m points, each about its own point.
 
@@ -60,7 +60,7 @@ def ball_sums(table, border, filled, local, m, limit, sums):
     add_shifted(shared, local, 0, m, sums)
 
 
-@kernel
+@summing
 def add_shifted(shared, local, start, stop, sums):
     """Add the same sums about the origin (10,) to the sums about each of some points (10, M)."""
     sx, sy, sz, n = shared[0], shared[1], shared[2], shared[9]
@@ -100,7 +100,7 @@ def _sum_all(x, y, z, start, stop, sums):
     sums[9] = count - padded
 
 
-@kernel
+@summing
 def sector_sums(table, filled, local, planes, balls, borders, chosen, n_chosen, limit, sums):
     """Sum the moments of the sectors of the balls about some of m points, each about its own point.
 

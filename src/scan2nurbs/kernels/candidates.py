@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from scan2nurbs.kernels.cells import runs_in_box
-from scan2nurbs.kernels.runner import inlined, kernel
+from scan2nurbs.kernels.runner import inlined, summing
 
 LANES = 32
 """Columns of a table come in multiples of this: whole vectors are several times faster than what is left over after the last one."""
@@ -17,7 +17,7 @@ FAR = 1e9
 """Coordinate of the points that fill up the last vector, in the caller's unit."""
 
 
-@kernel
+@summing
 def gather(cells, low, high, reach, scale, centre, runs, table):
     """Copy the points within reach of a box, as rows x, y, z relative to the box's centre.
 
@@ -77,7 +77,7 @@ def _fill_up(x, y, z, n):
     return filled
 
 
-@kernel
+@summing
 def gather_ball(cells, low, high, inner, reach, scale, centre, runs, table):
     """Copy the points within reach of a box, as rows x, y, z relative to its centre; those that any ball about it holds come last.
 
@@ -174,7 +174,7 @@ def _split(n, x, y, z, kind, left, right, to_x, to_y, to_z):
     return left, right
 
 
-@kernel
+@summing
 def list_near(points, runs, n_runs, centre, half, reach, indices):
     """List the points of the runs that lie within reach of a box; `indices` has room for all of them. Return how many there are."""
     near_x, near_y, near_z = np.empty(RUN, np.float32), np.empty(RUN, np.float32), np.empty(RUN, np.float32)
@@ -193,7 +193,7 @@ def list_near(points, runs, n_runs, centre, half, reach, indices):
     return np.int64(n)
 
 
-@kernel
+@summing
 def bounds(points, start, stop, low, high):
     """Write the bounding box of ``points[start:stop]`` into `low` and `high`."""
     for k in range(3):

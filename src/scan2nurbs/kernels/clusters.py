@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scan2nurbs.kernels.balls import add_shifted
 from scan2nurbs.kernels.candidates import LANES, list_near
 from scan2nurbs.kernels.cells import Cells, build_cells, runs_in_box
-from scan2nurbs.kernels.runner import inlined, kernel, run_ranges
+from scan2nurbs.kernels.runner import inlined, run_ranges, summing
 
 _RANGE = 1 << 12
 _MOST_PARTS = 8
@@ -68,7 +68,7 @@ def cluster(cells: Cells, size: float, radius: float) -> Clusters:
     return Clusters(means, weights, cells.size / parts)
 
 
-@kernel
+@summing
 def _cluster(cells, parts, radius, start, stop, starts, mean, weights):
     """Count the clusters of cells; or, where there is room for them, write them from each cell's start on."""
     points, scale = cells.points, 1.0 / radius
@@ -119,7 +119,7 @@ def _describe(s, x, y, z, radius, mean, weights):
     weights[7] = 1.0 / (np.sqrt(6.0 * (xx + yy + zz) / count) + 1e-6)
 
 
-@kernel
+@summing
 def gather_clusters(clusters, low, high, radius, centre, runs, indices, table):
     """Copy the clusters that balls about the points of a box may hold, and their sums about its centre, in units of the radius.
 
@@ -179,7 +179,7 @@ def gather_clusters(clusters, low, high, radius, centre, runs, indices, table):
     return runs, indices, table, filled
 
 
-@kernel
+@summing
 def ball_sums_of_clusters(table, n, local, m, sums):
     """Sum the clusters of the balls of radius 1 about m points (3, m), each about its own point, into (10, m)."""
     x, y, z, share = table[0], table[1], table[2], table[_SHARES]
@@ -212,7 +212,7 @@ def _share_of_ball(x, y, z, n, px, py, pz, weight, cxx, cxy, cxz, cyy, cyz, czz,
         share[j] = one if depth > one else (depth if depth > zero else zero)
 
 
-@kernel
+@summing
 def sector_sums_of_clusters(table, n, local, planes, borders, chosen, n_chosen, sums):
     """Sum the clusters of each sector of the balls of radius 1 about some points, about the centre of the table.
 

@@ -18,7 +18,7 @@ from scan2nurbs.kernels.balls import POINT_ROWS, ball_sums, sector_sums
 from scan2nurbs.kernels.candidates import COLUMNS, LANES, bounds, gather_ball
 from scan2nurbs.kernels.cells import Cells
 from scan2nurbs.kernels.clusters import CLUSTER_ROWS, Clusters, ball_sums_of_clusters, cluster, gather_clusters, sector_sums_of_clusters
-from scan2nurbs.kernels.runner import Progress, kernel, run_ranges
+from scan2nurbs.kernels.runner import Progress, run_ranges, summing
 from scan2nurbs.kernels.symmetric3 import normals_of_moments, planes_of_moments
 
 CELLS_PER_RANGE = 256
@@ -125,7 +125,7 @@ def ball_planes(
     return result
 
 
-@kernel
+@summing
 def _ball_planes(cells, clusters, whole, radius, widenings, ahead, borders, todo, start, stop, out):
     g = len(borders)
     centre, low, high = np.empty(3), np.empty(3), np.empty(3)
@@ -172,7 +172,7 @@ def _ball_planes(cells, clusters, whole, radius, widenings, ahead, borders, todo
                 reach *= WIDENING
 
 
-@kernel
+@summing
 def _begin(first, end, todo, pending, out):
     """Clear the results of a block of points and list those to compute; return how many there are."""
     m = 0
@@ -192,14 +192,14 @@ def _begin(first, end, todo, pending, out):
     return m
 
 
-@kernel
+@summing
 def _localize(points, pending, m, centre, scale, local):
     for q in range(m):
         for k in range(3):
             local[k, q] = (points[pending[q], k] - centre[k]) * scale
 
 
-@kernel
+@summing
 def _choose(sums, planes, m, chosen):
     """List the balls with a plane that may hold two sectors with a plane, each of which holds two points besides its own."""
     n = 0
@@ -209,7 +209,7 @@ def _choose(sums, planes, m, chosen):
     return n
 
 
-@kernel
+@summing
 def _add_the_point(local, chosen, n_chosen, about_centre, g, sectors):
     """Add each point to all of its sectors: about itself it adds nothing but one to their counts."""
     for c in range(n_chosen):
@@ -229,7 +229,7 @@ def _add_the_point(local, chosen, n_chosen, about_centre, g, sectors):
                 sectors[8, s] += z * z
 
 
-@kernel
+@summing
 def _write_sector_angles(pending, chosen, n_chosen, normals, g, out):
     """Write the largest angle between the planes of two sectors (paper, Algorithm 1 and eq. 2.3), in degrees."""
     for c in range(n_chosen):
@@ -242,7 +242,7 @@ def _write_sector_angles(pending, chosen, n_chosen, normals, g, out):
             out.sector_angle[pending[chosen[c]]] = np.degrees(np.arccos(min(least, 1.0)))
 
 
-@kernel
+@summing
 def _write_planes(pending, m, step, unit, sums, planes, out):
     """Write the planes that there are; return how many points are still without one, moved to the front of `pending`."""
     left = 0

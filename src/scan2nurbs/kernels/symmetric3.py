@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from scan2nurbs.kernels.runner import inlined, kernel, run_ranges
+from scan2nurbs.kernels.runner import inlined, run_ranges, summing
 
 # Variances across and along a neighbourhood: below this ratio (a strip 3 % as wide as long) it carries no plane.
 COLLINEAR = 1e-3
@@ -59,7 +59,7 @@ def _least_axis(xx, xy, xz, yy, yz, zz):
     return good, nx * scale, ny * scale, nz * scale, least
 
 
-@kernel
+@summing
 def normals_of_moments(sums, n, normals):
     """Fit planes to several groups of points at once.
 
@@ -93,7 +93,7 @@ def normals_of_moments(sums, n, normals):
         normals[2, g] = nz if good else np.nan
 
 
-@kernel
+@summing
 def planes_of_moments(sums, n, planes):
     """Fit planes to several groups of points at once, and find their principal directions.
 
@@ -118,7 +118,7 @@ def planes_of_moments(sums, n, planes):
         planes[6, g] = least
 
 
-@kernel
+@summing
 def plane_of_moments(count, s, out):
     """Fit a plane to points of which only sums are known.
 
@@ -190,7 +190,7 @@ def line_angles(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.fl
     return out
 
 
-@kernel
+@summing
 def _line_angles(a, b, start, stop, out):
     for i in range(start, stop):
         x = a[i, 1] * b[i, 2] - a[i, 2] * b[i, 1]
@@ -208,7 +208,7 @@ def weighted_angles(a: NDArray[np.float64], b: NDArray[np.float64], c: NDArray[n
     return out
 
 
-@kernel
+@summing
 def _weighted_angles(a, b, c, alpha, start, stop, out):
     for i in range(start, stop):
         larger = b[i] if b[i] > c[i] or np.isnan(c[i]) else c[i]
