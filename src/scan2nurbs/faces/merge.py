@@ -6,12 +6,15 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from scan2nurbs.faces.complex import Loop
 from scan2nurbs.faces.draw import Drawn, settle
 from scan2nurbs.faces.place import measure
 from scan2nurbs.faces.trace import Traced
 from scan2nurbs.surfaces.shape import Floats, Shape
+
+Ends = NDArray[np.int32]
 
 SHORT = 4.0
 """Length, in h, of a border that may vanish."""
@@ -41,7 +44,7 @@ def merge_vertices(traced: Traced, drawn: Drawn, shapes: Sequence[Shape], h: flo
     vertices, lines = drawn.vertices.copy(), list(drawn.lines)
     faces = [set(f) for f in drawn.faces]
     gone = np.zeros(len(ends), bool)
-    at = [[] for _ in vertices]
+    at: list[list[int]] = [[] for _ in vertices]
     for b, (u, v) in enumerate(ends):
         if u >= 0:
             at[u].append(b)
@@ -51,7 +54,7 @@ def merge_vertices(traced: Traced, drawn: Drawn, shapes: Sequence[Shape], h: flo
         u, v = (int(x) for x in ends[b])
         if length[b] > SHORT * h:
             break
-        if u < 0 or u == v or not _may_go(b, u, v, ends, at, gone, faces, traced, loops):
+        if u < 0 or u == v or not _may_go(int(b), (u, v), ends, at, faces, traced, loops):
             continue
         both = faces[u] | faces[v]
         place, gap = _one_place(0.5 * (vertices[u] + vertices[v]), both, shapes, h)
@@ -66,14 +69,17 @@ def merge_vertices(traced: Traced, drawn: Drawn, shapes: Sequence[Shape], h: flo
         for f in traced.sides[b]:
             if f >= 0:
                 loops[f] = [tuple(x for x in loop if x[0] != b) for loop in loops[f]]
-    return _without(traced, drawn, ends, loops, vertices, lines, faces, gone)
+    return _without(traced, ends, loops, vertices, lines, faces, gone)
 
 
 def _length(line: Floats) -> float:
     return float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
 
 
-def _may_go(b, u, v, ends, at, gone, faces, traced, loops):  # type: ignore[no-untyped-def]
+def _may_go(
+    b: int, pair: tuple[int, int], ends: Ends, at: list[list[int]], faces: list[set[int]], traced: Traced, loops: list[list[Loop]]
+) -> bool:
+    u, v = pair
     sides = {int(f) for f in traced.sides[b]}
     # Faces other than its sides that lie at both ends would touch themselves.
     if (faces[u] & faces[v]) - sides:
@@ -90,7 +96,15 @@ def _one_place(place: Floats, faces: set[int], shapes: Sequence[Shape], h: float
     return found[0], float(np.abs(measure(found, meeting, shapes)[0]).max())
 
 
-def _without(traced, drawn, ends, loops, vertices, lines, faces, gone):  # type: ignore[no-untyped-def]
+def _without(
+    traced: Traced,
+    ends: Ends,
+    loops: list[list[Loop]],
+    vertices: Floats,
+    lines: list[Floats],
+    faces: list[set[int]],
+    gone: NDArray[np.bool_],
+) -> tuple[Traced, Drawn]:
     """Renumber borders and vertices without those that are gone."""
     number = np.where(gone, -1, np.cumsum(~gone) - 1)
     used = np.zeros(len(vertices), bool)

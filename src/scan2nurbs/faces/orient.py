@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
+from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
 
 from scan2nurbs.surfaces.shape import Floats
@@ -59,7 +59,10 @@ def outward_signs(
     return sign.astype(np.int8)
 
 
-def _votes(points, normals, patch, neighbours, reach, n_patches):  # type: ignore[no-untyped-def]
+def _votes(
+    points: Floats, normals: Floats, patch: NDArray[np.int32], neighbours: NDArray[np.int32], reach: Floats, n_patches: int
+) -> csr_matrix:
+    """Return how strongly near points of each two patches agree, mirrored at the plane between them: negative where they disagree."""
     n, k = neighbours.shape
     i, j = np.repeat(np.arange(n), k), neighbours.ravel()
     keep = j >= 0
@@ -75,9 +78,9 @@ def _votes(points, normals, patch, neighbours, reach, n_patches):  # type: ignor
     return (graph + graph.T).tocsr()
 
 
-def _along_tree(votes):  # type: ignore[no-untyped-def]
+def _along_tree(votes: csr_matrix) -> NDArray[np.int8]:
     """Give signs along the spanning trees of the strongest votes."""
-    n = votes.shape[0]
+    n = len(votes.indptr) - 1
     weight = votes.copy()
     weight.data = 1.0 / (np.abs(weight.data) + 1e-12)
     tree = minimum_spanning_tree(weight)
@@ -92,7 +95,8 @@ def _along_tree(votes):  # type: ignore[no-untyped-def]
     return sign
 
 
-def _settle(votes, sign):  # type: ignore[no-untyped-def]
+def _settle(votes: csr_matrix, sign: NDArray[np.int8]) -> None:
+    """Turn the sign that disagrees most, while one does."""
     for _ in range(20):
         gain = sign * (votes @ sign.astype(np.float64))
         worst = int(np.argmin(gain))

@@ -134,7 +134,15 @@ def _chains(mixed: NDArray[np.bool_], onward: NDArray[np.int32], begins: NDArray
     return chains
 
 
-def _loops(sides, first, last, twin, turn, ends, n_regions):  # type: ignore[no-untyped-def]
+def _loops(
+    sides: NDArray[np.int32],
+    first: NDArray[np.int64],
+    last: NDArray[np.int64],
+    twin: NDArray[np.int32],
+    turn: NDArray[np.int32],
+    ends: NDArray[np.int32],
+    n_regions: int,
+) -> tuple[tuple[Loop, ...], ...]:
     """Go from border to border about each region, which stays on the left."""
     starts, stops = {}, {}
     for b in range(len(first)):

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -70,10 +67,7 @@ def unite(
             break
         tested.update((int(i), int(j)) for i, j in pairs)
         order, starts = grouped(label, len(models))
-        gains, united = np.empty(len(pairs)), np.zeros((len(pairs), models.shape[1]))
-        inputs = sheet.points, sheet.normals, sheet.neighbours, label, order, starts, pairs, place, kinds, sheet.sigma, models, values
-        run_ranges(partial(_judge, inputs, (gains, united)), len(pairs), size=RANGE)
-        gains = np.nan_to_num(gains, nan=-np.inf, posinf=np.inf, neginf=-np.inf)  # neither can be fitted, nor both
+        gains, united = _gains(sheet, label, models, values, kinds, (order, starts), (pairs, place))
         changed: set[int] = set()
         gone: set[int] = set()
         for p in np.argsort(-gains, kind="stable"):
@@ -105,5 +99,22 @@ def unite(
     return label, models
 
 
-def _judge(inputs: tuple[Any, ...], out: tuple[Any, ...], start: int, stop: int) -> None:
-    unite_pairs(*inputs, start, stop, *out)  # type: ignore[reportCallIssue]
+def _gains(
+    sheet: Sheet,
+    label: NDArray[np.int32],
+    models: NDArray[np.float64],
+    values: NDArray[np.float64],
+    kinds: NDArray[np.bool_],
+    regions: tuple[NDArray[np.int32], NDArray[np.int64]],
+    borders: tuple[NDArray[np.int64], NDArray[np.int32]],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return by how much each pair's criteria exceed those of one joint model, and these models."""
+    (order, starts), (pairs, place) = regions, borders
+    gains, united = np.empty(len(pairs)), np.zeros((len(pairs), models.shape[1]))
+    points, normals, neighbours, sigma = sheet.points, sheet.normals, sheet.neighbours, sheet.sigma
+
+    def judge(a: int, b: int) -> None:
+        unite_pairs(points, normals, neighbours, label, order, starts, pairs, place, kinds, sigma, models, values, a, b, gains, united)
+
+    run_ranges(judge, len(pairs), size=RANGE)
+    return np.nan_to_num(gains, nan=-np.inf, posinf=np.inf, neginf=-np.inf), united  # neither can be fitted, nor both
