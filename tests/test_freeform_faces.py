@@ -96,9 +96,9 @@ def blade(rng, opening):
     xy = grid(40, 60, rng)
     slope = np.tan(np.radians(0.5 * opening))
     sides = [np.c_[xy, s * slope * xy[:, 0]] for s in (1.0, -1.0)]
-    points = noisy(np.concatenate(sides), rng, 0.02)
+    points = noisy(np.concatenate(sides), rng)
     label = np.repeat(np.arange(2, dtype=np.int32), len(xy))
-    return points, label, tuple(fit_shape("plane", points[label == k], noise=0.02) for k in (0, 1))
+    return points, label, tuple(fit_shape("plane", points[label == k], noise=NOISE) for k in (0, 1))
 
 
 def test_the_sides_of_a_blade_do_not_meet_smoothly():
@@ -110,7 +110,7 @@ def test_the_sides_of_a_blade_do_not_meet_smoothly():
 def test_the_sides_of_a_shallow_ridge_do():
     points, label, fits = blade(np.random.default_rng(1), opening=10.0)
     points[label == 1, 0] *= -1.0
-    fits = tuple(fit_shape("plane", points[label == k], noise=0.02) for k in (0, 1))
+    fits = tuple(fit_shape("plane", points[label == k], noise=NOISE) for k in (0, 1))
     scale = measure_scale(points)
     found = smooth_contacts(points, label, face_contacts(label, scale), fits, scale)
     assert [contact.pair for contact in found] == [(0, 1)]

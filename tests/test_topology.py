@@ -301,7 +301,7 @@ def test_a_small_gap_within_a_face_is_closed_and_a_large_one_stays():
     xy = np.stack(np.meshgrid(np.arange(60.0), np.arange(50.0), indexing="ij"), axis=-1).reshape(-1, 2) + rng.uniform(
         -0.25, 0.25, (3000, 2)
     )
-    for radius, borders in ((3.0, 1), (7.0, 2)):
+    for radius, borders in ((3.7, 1), (7.0, 2)):
         kept = xy[np.hypot(xy[:, 0] - 30, xy[:, 1] - 25) > radius]
         points = noisy(np.c_[kept, np.zeros(len(kept))], rng)
         label = np.zeros(len(points), np.int32)
