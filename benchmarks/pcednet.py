@@ -41,14 +41,15 @@ def report(folder: Path) -> str:
     found: dict[str, dict[str, list[tuple[float, float]]]] = {"clean": {}, "noisy": {}}
     n = 0
     for path in sorted(folder.glob("pcednet_abc_*.npz")):
-        data = np.load(path)
+        with np.load(path) as arrays:
+            data = dict(arrays)
         truth, n = data["label"] == SHARP, n + 1
         for kind, key, prefix in (("clean", "points", "pred_"), ("noisy", "points_noise", "pred_noise_")):
             points = data[key].astype(np.float64)
             rows = found[kind]
             rows.setdefault("**scan2nurbs, default**", []).append(scores(points, truth, s2n.detect_edges(points).mask))
             for method, name in PUBLISHED.items():
-                if prefix + method in data.files:
+                if prefix + method in data:
                     rows.setdefault(name, []).append(scores(points, truth, data[prefix + method] == SHARP))
     if n == 0:
         return f"No pcednet_abc_*.npz was found in {folder}."

@@ -23,6 +23,12 @@ def points(n: int = 12, seed: int = 0) -> np.ndarray:
     return np.random.default_rng(seed).integers(-4000, 4000, (n, 3)) / 16.0
 
 
+def columns(path: Path) -> dict[str, np.ndarray]:
+    """All arrays of an .npz file, which is closed: a file left open fails whichever test runs when it is collected."""
+    with np.load(path) as arrays:
+        return dict(arrays)
+
+
 def ply(xyz, order="<", kinds=("f8", "f8", "f8"), before=(), after=(), extra=(), comments=(), faces=True, newline="\n"):
     """PLY; `before` and `after` are (name, type) of scalar properties around x, y, z; `extra` elements precede the vertices."""
     kind = {"<": "binary_little_endian", ">": "binary_big_endian", "": "ascii"}[order]
