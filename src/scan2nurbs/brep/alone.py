@@ -16,7 +16,7 @@ from scan2nurbs.brep.build import build_face
 from scan2nurbs.brep.charts import Chart, SplineChart, chart_of
 from scan2nurbs.brep.check import is_valid, is_valid_meshed
 from scan2nurbs.brep.face import trimmed_face
-from scan2nurbs.brep.layout import unwrapped, widest_gap
+from scan2nurbs.brep.layout import unrolled
 from scan2nurbs.brep.outline import Loop as Polyline
 from scan2nurbs.brep.shared import border_points, trim_faces
 from scan2nurbs.brep.solids import tolerance
@@ -80,15 +80,10 @@ def _outlined(shape: Shape, topology: Topology, f: int, h: float, scale: float) 
     loops = []
     for loop in topology.loops[f]:
         lines = [topology.borders[k].points if forward else topology.borders[k].points[::-1] for k, forward in loop]
-        loops.append(unwrapped(chart.uv(np.vstack(lines)), chart))
+        loops.append(chart.uv(np.vstack(lines)))
     if not loops:
         raise NoResultError("It has no borders.")
-    around = [any(p and round((uv[-1, axis] - uv[0, axis]) / p) for uv in loops) for axis, p in enumerate(chart.period)]
-    for axis, period in enumerate(chart.period):
-        if period and not around[axis]:
-            start = widest_gap(np.concatenate([uv[:, axis] for uv in loops]), period)
-            for uv in loops:
-                uv[:, axis] -= period * np.floor((uv[len(uv) // 2, axis] - start) / period)
+    loops, around = unrolled(chart, loops)
     surface = chart.surface if isinstance(chart, SplineChart) else _patch(chart, np.vstack(loops), around)
     lines = [Polyline(uv, closed=not any(p and abs(uv[-1, a] - uv[0, a]) > 0.5 * p for a, p in enumerate(chart.period))) for uv in loops]
     found = trimmed_face(surface, lines, tolerance=_TOLERANCE * h)
@@ -100,7 +95,7 @@ def _outlined(shape: Shape, topology: Topology, f: int, h: float, scale: float) 
     return (TopoDS.Face(face.Oriented(TopAbs_REVERSED)) if topology.outward[f] < 0 else face,)
 
 
-def _patch(chart: Chart, uv: Floats, around: list[bool]) -> BSplineSurface:
+def _patch(chart: Chart, uv: Floats, around: tuple[bool, bool]) -> BSplineSurface:
     """Return the part of a surface that holds given parameters as a bicubic B-spline over them, true to a millionth of its radius."""
     axes = []
     for axis in (0, 1):
@@ -117,4 +112,4 @@ def _patch(chart: Chart, uv: Floats, around: list[bool]) -> BSplineSurface:
     first = make_interp_spline(axes[0], points, k=3)
     second = make_interp_spline(axes[1], np.moveaxis(np.asarray(first.c), 1, 0), k=3)
     control = np.ascontiguousarray(np.moveaxis(np.asarray(second.c), 0, 1))
-    return BSplineSurface((3, 3), (first.t, second.t), control, np.ones(control.shape[:2]), (around[0], around[1]))
+    return BSplineSurface((3, 3), (first.t, second.t), control, np.ones(control.shape[:2]), around)

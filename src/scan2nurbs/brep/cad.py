@@ -196,6 +196,7 @@ def tessellate(shape: Any, *, deflection: float | None = None, source: str = "sh
     """
     from OCP.BRepAdaptor import BRepAdaptor_Surface
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
+    from OCP.IMeshTools import IMeshTools_Parameters
     from OCP.TopAbs import TopAbs_FACE, TopAbs_REVERSED, TopAbs_SOLID
 
     path = None if source == "shape" else source
@@ -205,7 +206,11 @@ def tessellate(shape: Any, *, deflection: float | None = None, source: str = "sh
     if deflection is None:
         deflection = _DEFLECTION * float(np.sqrt(_area_of(shape)))
     # A finer mesh that another call left on the shape is used as it is.
-    BRepMesh_IncrementalMesh(shape, max(deflection, 1e-7), False, _ANGLE, True)
+    # Without a least size a wrinkle, however small, is meshed until its angles are small.
+    how = IMeshTools_Parameters()
+    how.Deflection = how.MinSize = max(deflection, 1e-7)
+    how.Angle, how.InParallel = _ANGLE, True
+    BRepMesh_IncrementalMesh(shape, how)
     of_solids = _map_of(shape, TopAbs_SOLID, TopAbs_FACE)
     faces, pieces = [], []
     for index, topo in enumerate(topo_faces):

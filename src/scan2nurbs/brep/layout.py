@@ -57,6 +57,18 @@ def unwrapped(uv: Floats, chart: Chart) -> Floats:
     return uv
 
 
+def unrolled(chart: Chart, loops: Sequence[Floats]) -> tuple[list[Floats], tuple[bool, bool]]:
+    """Unwrap the parameters of loops, those that go around nothing into one period; tell in which parameters one of them goes around."""
+    loops = [unwrapped(uv, chart) for uv in loops]
+    around = [any(p and round((uv[-1, axis] - uv[0, axis]) / p) for uv in loops) for axis, p in enumerate(chart.period)]
+    for axis, period in enumerate(chart.period):
+        if period and not around[axis]:
+            start = widest_gap(np.concatenate([uv[:, axis] for uv in loops]), period)
+            for uv in loops:
+                uv[:, axis] -= period * np.floor((uv[len(uv) // 2, axis] - start) / period)
+    return loops, (bool(around[0]), bool(around[1]))
+
+
 def lay_out(chart: Chart, loops: Sequence[Path], curves: Sequence[BorderCurve], marked: Sequence[Sequence[float]], h: float) -> Layout:
     """Decide whether a face needs a seam, and where.
 

@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scan2nurbs.brep.alone import trim_alone
+from scan2nurbs.brep.attempts import ATTEMPTS, TOO_WIDE, Attempt, trim_part
 from scan2nurbs.brep.borders import BorderCurve
 from scan2nurbs.brep.check import check, is_valid, is_valid_meshed
 from scan2nurbs.brep.deviation import deviation
 from scan2nurbs.brep.face import kernel_scale
 from scan2nurbs.brep.occ import silence
 from scan2nurbs.brep.sewn import sew
-from scan2nurbs.brep.shared import SharedFaces, trim_faces
+from scan2nurbs.brep.shared import SharedFaces
 from scan2nurbs.brep.solids import Assembled, assemble, compound, tolerance, volume
 from scan2nurbs.errors import NoResultError
 from scan2nurbs.faces.topology import Fitted, Topology
@@ -25,9 +26,7 @@ from scan2nurbs.scale import Scale
 
 Floats = NDArray[np.float64]
 
-_ROUNDS = 3
 _TOO_LARGE = "It would reach far beyond its points"
-_TOO_WIDE = "Its edges would lie too far from its neighbours."
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -176,71 +175,25 @@ def build_part(
     factor = kernel_scale(float(np.linalg.norm(np.ptp(points, axis=0))))
     tell = progress or (lambda done, total: None)
     shapes = [fits[k].shape for k in topology.source]
-    made, caution, notes = _trimmed(shapes, topology, scale.h, factor, params, tell)
-    faces, how = _completed(made, shapes, topology, scale.h, factor, caution, params, notes)
-    tell(_ROUNDS + 1, _ROUNDS + 2)
-    model = _model(points, shapes, topology, made, faces, how, scale, factor, params, notes)
-    tell(_ROUNDS + 2, _ROUNDS + 2)
+    trimmed, notes = trim_part(shapes, topology, scale.h, factor, params.widest, params.bearable, lambda done, _: tell(done, ATTEMPTS + 2))
+    faces, how = _completed(trimmed, shapes, topology, scale.h, factor, params, notes)
+    tell(ATTEMPTS + 1, ATTEMPTS + 2)
+    model = _model(points, trimmed.shapes, topology, trimmed.made, faces, how, scale, factor, params, notes)
+    tell(ATTEMPTS + 2, ATTEMPTS + 2)
     return model
 
 
-def _trimmed(
-    shapes: list[Any], topology: Topology, h: float, factor: float, params: ModelParams, tell: Progress
-) -> tuple[SharedFaces, list[int], list[str]]:
-    """Trim the faces; where some fail, their borders are laid anew, closer to the points that they came from."""
-    caution = [0] * len(topology.borders)
-    best: SharedFaces | None = None
-    best_caution, least = caution, (len(shapes) + 1, 0)
-    for turn in range(_ROUNDS):
-        made = trim_faces(shapes, topology, h, factor, caution)
-        wide = {k for k, curve in enumerate(made.curves) if curve.gap > 0.9 * params.widest * h}
-        bad = len(made.failures), len(wide)
-        if bad < least:
-            best, best_caution, least = made, list(caution), bad
-        tell(turn + 1, _ROUNDS + 2)
-        if bad == (0, 0):
-            break
-        failed = {k for f in made.failures for loop in topology.loops[f] for k, _ in loop}
-        caution = [min(care + (k in failed or k in wide), 2) for k, care in enumerate(caution)]
-    assert best is not None
-    return *_loosened(best, shapes, topology, h, factor, best_caution, params), _wide_notes(best, params, h)
-
-
-def _loosened(
-    made: SharedFaces, shapes: list[Any], topology: Topology, h: float, factor: float, caution: list[int], params: ModelParams
-) -> tuple[SharedFaces, list[int]]:
-    """Trim the faces again without those that failed, or that only too wide a tolerance would hold to their neighbours."""
-    for _ in range(2):
-        left = dict(made.failures)
-        wide = [c.faces for c in made.curves if c.gap > params.bearable * h / 1.25 and min(c.faces) >= 0 and not left.keys() & set(c.faces)]
-        while wide:
-            counts = np.bincount(np.ravel(wide))
-            worst = int(np.flatnonzero(counts == counts.max())[-1])
-            left[worst] = _TOO_WIDE
-            wide = [faces for faces in wide if worst not in faces]
-        if left.keys() == made.left_out:
-            break
-        made = trim_faces(shapes, topology, h, factor, caution, left)
-    return made, caution
-
-
-def _wide_notes(made: SharedFaces, params: ModelParams, h: float) -> list[str]:
-    said = "The surfaces of faces {} and {} lie {:.2g} spacings from the edge between them."
-    wide = [c for c in made.curves if c.gap > params.widest * h and min(c.faces) >= 0]
-    return [said.format(c.faces[0] + 1, c.faces[1] + 1, c.gap / h) for c in wide]
-
-
 def _completed(
-    made: SharedFaces,
+    trimmed: Attempt,
     shapes: list[Any],
     topology: Topology,
     h: float,
     factor: float,
-    caution: list[int],
     params: ModelParams,
     notes: list[str],
 ) -> tuple[list[tuple[Any, ...]], list[str]]:
     """Give faces that failed an outline of their own."""
+    made, caution = trimmed.made, trimmed.caution
     faces, how = list(made.faces), []
     room = _room(topology, h)
     for f in range(len(shapes)):
@@ -248,7 +201,7 @@ def _completed(
         why_not = why_not or _spoilt(faces[f], params.bearable * h * factor)
         if not why_not:
             borders = {k for loop in topology.loops[f] for k, _ in loop}
-            how.append("followed" if any(caution[k] for k in borders) else "shared")
+            how.append("bent" if f in trimmed.bent else "followed" if any(caution[k] for k in borders) else "shared")
             continue
         faces[f] = trim_alone(f, shapes[f], topology, h, factor)
         if _size(faces[f], factor) > room[f]:
@@ -262,7 +215,7 @@ def _completed(
 def _spoilt(pieces: tuple[Any, ...], widest: float) -> str:
     """Say what is wrong with a face now that all its neighbours are made: they share edges, and may have widened them."""
     if max(map(tolerance, pieces), default=0.0) > widest:
-        return _TOO_WIDE
+        return TOO_WIDE
     return "" if all(is_valid(face) and is_valid_meshed(face) for face in pieces) else "Its neighbours spoil its edges"
 
 
@@ -281,7 +234,7 @@ def _size(pieces: tuple[Any, ...], factor: float) -> float:
 
 def _model(
     points: Floats,
-    shapes: list[Any],
+    shapes: Sequence[Any],
     topology: Topology,
     made: SharedFaces,
     faces: list[tuple[Any, ...]],

@@ -118,7 +118,7 @@ def border_points(topology: Topology, f: int) -> Floats:
 
 def _layout(work: _Work, shape: Shape, loops: list[Any], f: int, h: float, scale: float) -> Layout | None:
     try:
-        chart = chart_of(shape, scale, towards=_axis(shape, loops, work.curves))
+        chart = chart_of(shape, scale, towards=sphere_axis(shape, loops, work.curves))
         layout = lay_out(chart, loops, work.curves, work.marks, h)
         if any(layout.cut):
             for k in sorted({k for loop in loops for k, _ in loop}):
@@ -183,7 +183,7 @@ def _started(border: BorderCurve, marks: list[float]) -> tuple[BorderCurve, list
     return replace(border, curve=curve), sorted(_nearest(curve, point) for point in points)
 
 
-def _axis(shape: Any, loops: Any, curves: Sequence[BorderCurve]) -> Floats | None:
+def sphere_axis(shape: Any, loops: Any, curves: Sequence[BorderCurve]) -> Floats | None:
     """Return a direction for the axis of a sphere whose poles lie far from all borders; that of a circle of it, if there is one."""
     if shape.kind != "sphere" or not loops:
         return None

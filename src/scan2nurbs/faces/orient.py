@@ -11,6 +11,9 @@ from scan2nurbs.surfaces.shape import Floats
 
 DIRECTIONS = 64
 """Directions in which a body is asked for its farthest point."""
+ASIDE = 0.5
+"""A point is on the border of its patch where its neighbours in it lie so far to one side, in shares of their mean distance: over half a
+disc it is 2/π."""
 
 
 def find_patches(label: NDArray[np.int32], neighbours: NDArray[np.int32]) -> NDArray[np.int32]:
@@ -46,9 +49,11 @@ def outward_signs(
     Notes
     -----
     Neighbours of two patches vote for equal signs as far as the normal of one, reflected in the plane amid them, is that of the other: as
-    if a circle ran through both (Xie, McDonnell and Qin 2004). That holds across smooth borders, creases and thin walls alike. The votes
-    are summed by pairs of patches, the strongest ones make a tree, and then single patches change while the others outvote them. What
-    hangs together is turned so that its farthest points in many directions face these directions.
+    if a circle ran through both (Xie, McDonnell and Qin 2004). That holds across smooth borders and thin walls, but not across a step
+    lower than it is wide. Where both points lie on the borders of their patches, these say it: an oriented surface passes a border that
+    two patches share once in either direction. The votes are summed by pairs of patches, the strongest ones make a tree, and then single
+    patches change while the others outvote them. What hangs together is turned so that its farthest points in many directions face these
+    directions.
     """
     n_patches = int(patch.max()) + 1
     votes = _votes(points, normals, patch, neighbours, reach, n_patches)
@@ -62,20 +67,35 @@ def outward_signs(
 def _votes(
     points: Floats, normals: Floats, patch: NDArray[np.int32], neighbours: NDArray[np.int32], reach: Floats, n_patches: int
 ) -> csr_matrix:
-    """Return how strongly near points of each two patches agree, mirrored at the plane between them: negative where they disagree."""
+    """Return how strongly near points of each two patches agree: negative where they disagree."""
     n, k = neighbours.shape
     i, j = np.repeat(np.arange(n), k), neighbours.ravel()
-    keep = j >= 0
-    i, j = i[keep], j[keep]
-    keep = patch[i] != patch[j]
-    i, j = i[keep], j[keep]
+    near = j >= 0
+    same = patch[i] == patch[j]
+    along, share = _borders(points, normals, i[near & same], j[near & same])
+    i, j = i[near & ~same], j[near & ~same]
     way = points[j] - points[i]
     square = np.einsum("ij,ij->i", way, way)
     along_i, along_j = np.einsum("ij,ij->i", normals[i], way), np.einsum("ij,ij->i", normals[j], way)
-    agree = np.einsum("ij,ij->i", normals[i], normals[j]) - 2.0 * along_i * along_j / np.maximum(square, 1e-300)
-    agree *= np.exp(-square / reach[i] ** 2)
+    circle = np.einsum("ij,ij->i", normals[i], normals[j]) - 2.0 * along_i * along_j / np.maximum(square, 1e-300)
+    border = -np.einsum("ij,ij->i", along[i], along[j])
+    both = share[i] * share[j]
+    agree = (both * border + (1.0 - both) * circle) * np.exp(-square / reach[i] ** 2)
     graph = coo_matrix((agree, (patch[i], patch[j])), shape=(n_patches, n_patches)).tocsr()
     return (graph + graph.T).tocsr()
+
+
+def _borders(points: Floats, normals: Floats, i: NDArray[np.intp], j: NDArray[np.int32]) -> tuple[Floats, Floats]:
+    """Return how the border of its patch runs at each point (N, 3), the patch on the left, and how clearly the point lies on one (N,)."""
+    n = len(points)
+    way = points[j] - points[i]
+    count = np.maximum(np.bincount(i, minlength=n), 1)
+    inward = np.column_stack([np.bincount(i, way[:, c], minlength=n) for c in range(3)]) / count[:, None]
+    inward -= np.einsum("ij,ij->i", inward, normals)[:, None] * normals
+    far = np.bincount(i, np.linalg.norm(way, axis=1), minlength=n) / count
+    length = np.linalg.norm(inward, axis=1)
+    share = np.clip(length / np.maximum(ASIDE * far, 1e-300), 0.0, 1.0)
+    return np.cross(inward / np.maximum(length, 1e-300)[:, None], normals), share
 
 
 def _along_tree(votes: csr_matrix) -> NDArray[np.int8]:

@@ -1,0 +1,157 @@
+"""Trim the faces of a part, in as many attempts as it takes: closer to the points, with surfaces bent, without those that still fail."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from scan2nurbs.brep.borders import BorderCurve
+from scan2nurbs.brep.conform import conformed, yielding
+from scan2nurbs.brep.shared import SharedFaces, sphere_axis, trim_faces
+from scan2nurbs.errors import NoResultError
+from scan2nurbs.faces.topology import Topology
+from scan2nurbs.kernels.runner import Progress
+
+ATTEMPTS = 5
+"""Most attempts that are told of as progress."""
+
+_ROUNDS, _BENDS = 3, 2
+_MARGIN = 0.8
+"""Gaps within this share of a tolerance can be held by it."""
+TOO_WIDE = "Its edges would lie too far from its neighbours."
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """Faces as they came out.
+
+    Attributes
+    ----------
+    made : SharedFaces
+    shapes : tuple of Shape
+        Of each face; bent ones are B-splines.
+    caution : tuple of int
+        As in `lay_borders`, a border.
+    bent : frozenset of int
+        Faces whose surface was bent to reach its borders.
+    """
+
+    made: SharedFaces
+    shapes: tuple[Any, ...]
+    caution: tuple[int, ...]
+    bent: frozenset[int] = frozenset()
+
+    def wide(self, most: float) -> list[int]:
+        """Return the borders that lie farther than `most` from their surfaces."""
+        return [k for k, curve in enumerate(self.made.curves) if curve.gap > most]
+
+    def left(self, most: float) -> dict[int, str]:
+        """Return the faces that cannot stay, and why: those that failed, and as few as hold all borders wider than `most`."""
+        left = dict(self.made.failures)
+        wide = [faces for faces in (self.made.curves[k].faces for k in self.wide(most)) if min(faces) >= 0 and not left.keys() & set(faces)]
+        while wide:
+            counts = np.bincount(np.ravel(wide))
+            worst = int(np.flatnonzero(counts == counts.max())[-1])
+            left[worst] = TOO_WIDE
+            wide = [faces for faces in wide if worst not in faces]
+        return left
+
+
+def trim_part(
+    shapes: Sequence[Any], topology: Topology, h: float, scale: float, widest: float, bearable: float, tell: Progress
+) -> tuple[Attempt, list[str]]:
+    """Trim the faces of a part along shared borders.
+
+    Parameters
+    ----------
+    shapes : sequence of Shape
+        Of each face.
+    topology : Topology
+    h : float
+        Spacing of the cloud.
+    scale : float
+        Kernel lengths over the cloud's.
+    widest : float
+        Tolerance of an edge, in h, above which another attempt is worth it.
+    bearable : float
+        Tolerance of an edge, in h, above which one of its faces is left out.
+    tell : callable
+        Called with (attempts done, `ATTEMPTS`).
+
+    Returns
+    -------
+    attempt : Attempt
+        The best one, of which no edge is wider than bearable.
+    notes : list of str
+        What was bent, and what stayed wide.
+    """
+    most = _MARGIN * widest * h
+
+    def rank(attempt: Attempt) -> tuple[int, int]:
+        return len(attempt.left(_MARGIN * bearable * h)), len(attempt.wide(most))
+
+    best = None
+    caution = (0,) * len(topology.borders)
+    for turn in range(_ROUNDS):
+        tried = Attempt(trim_faces(shapes, topology, h, scale, caution), tuple(shapes), caution)
+        tell(turn + 1, ATTEMPTS)
+        best = tried if best is None or rank(tried) < rank(best) else best
+        if rank(best) == (0, 0):
+            break
+        near = {k for f in tried.made.failures for loop in topology.loops[f] for k, _ in loop} | set(tried.wide(most))
+        caution = tuple(min(care + (k in near), 2) for k, care in enumerate(caution))
+    assert best is not None
+    unbent = best.shapes
+    for turn in range(_BENDS):
+        if rank(best) == (0, 0):
+            break
+        tried = _bent(best, unbent, topology, h, scale, widest)
+        tell(_ROUNDS + turn + 1, ATTEMPTS)
+        if tried is None or rank(tried) >= rank(best):
+            break
+        best = tried
+    best = _loosened(best, topology, h, scale, bearable)
+    return best, _notes(best.made.curves, best.bent, unbent, widest * h, h)
+
+
+def _bent(best: Attempt, unbent: Sequence[Any], topology: Topology, h: float, scale: float, widest: float) -> Attempt | None:
+    """Bend the surfaces of faces that fail or do not meet their neighbours, and try again."""
+    first = sorted(best.bent | best.made.failures.keys())
+    faces, curves = yielding(unbent, topology, h, best.caution, _MARGIN * widest, first)
+    shapes, bent = list(unbent), set()
+    for f in faces:
+        loops = topology.loops[f]
+        lines = []
+        for loop in loops:
+            parts = [curves[k].curve(curves[k].curve.samples(64)) for k, _ in loop]
+            lines.append(np.vstack([line if forward else line[::-1] for line, (_, forward) in zip(parts, loop, strict=True)]))
+        try:
+            shapes[f] = conformed(unbent[f], lines, h, sphere_axis(unbent[f], loops, curves))
+            bent.add(f)
+        except (NoResultError, ValueError):
+            continue
+    if not bent:
+        return None
+    around = {k for f in bent for loop in topology.loops[f] for k, _ in loop}
+    caution = tuple(max(care, int(k in around) + int(k in around and bool(best.bent))) for k, care in enumerate(best.caution))
+    return Attempt(trim_faces(shapes, topology, h, scale, caution), tuple(shapes), caution, frozenset(bent))
+
+
+def _loosened(best: Attempt, topology: Topology, h: float, scale: float, bearable: float) -> Attempt:
+    """Trim the faces again without those that failed, or that only too wide a tolerance would hold to their neighbours."""
+    for _ in range(2):
+        left = best.left(_MARGIN * bearable * h)
+        if left.keys() == best.made.left_out:
+            break
+        best = replace(best, made=trim_faces(best.shapes, topology, h, scale, best.caution, left))
+    return best
+
+
+def _notes(curves: Sequence[BorderCurve], bent: frozenset[int], unbent: Sequence[Any], widest: float, h: float) -> list[str]:
+    notes = [f"The surface of face {f + 1} ({unbent[f].kind}) was bent to meet its neighbours." for f in sorted(bent)]
+    said = "The surfaces of faces {} and {} lie {:.2g} spacings from the edge between them."
+    wide = [c for c in curves if c.gap > widest and min(c.faces) >= 0]
+    return notes + [said.format(c.faces[0] + 1, c.faces[1] + 1, c.gap / h) for c in wide]

@@ -1,0 +1,194 @@
+"""Surfaces that do not reach the borders of their faces, bent so that they do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import BSpline, make_interp_spline
+from scipy.sparse import csr_matrix, diags, eye, kron
+from scipy.sparse.linalg import spsolve
+
+from scan2nurbs.brep.borders import BorderCurve, lay_borders
+from scan2nurbs.brep.charts import Chart, chart_of
+from scan2nurbs.brep.layout import unrolled
+from scan2nurbs.brep.wide import WideSpline, widened
+from scan2nurbs.errors import NoResultError
+from scan2nurbs.faces.topology import Topology
+from scan2nurbs.surfaces.bspline import BSplineSurface
+from scan2nurbs.surfaces.shape import Shape
+
+Floats = NDArray[np.float64]
+
+_ROUNDS = 6
+_STEP = 0.7
+"""Distance of nodes, in h, where a surface is bent."""
+_AROUND = 2.5
+"""How far beyond such places nodes are dense, in h."""
+_STILL = 0.05
+"""Distances from a border, in h, for which no surface is bent."""
+_NODES = 160
+_TURN = 48
+_FARTHEST = 5.0
+"""A surface farther than this from its border, in h, is another one."""
+_HOLD, _STAY, _SMOOTH = 0.05, 0.3, 0.15
+
+
+def yielding(
+    shapes: Sequence[Shape], topology: Topology, h: float, caution: Sequence[int], widest: float, first: Sequence[int]
+) -> tuple[list[int], list[BorderCurve]]:
+    """Choose faces to be bent until the surfaces of all others meet in their borders.
+
+    Parameters
+    ----------
+    shapes : sequence of Shape
+        Of each face.
+    topology : Topology
+    h : float
+        Spacing of the cloud.
+    caution : sequence of int
+        As in `lay_borders`.
+    widest : float
+        Largest distance of a border to its surfaces, in h.
+    first : sequence of int
+        Faces that are bent in any case.
+
+    Returns
+    -------
+    faces : list of int
+        Rising. Of two surfaces that do not meet, that of the smaller face is bent.
+    curves : list of BorderCurve
+        The borders as the other faces have them.
+    """
+    corners = topology.mesh.vertices[topology.mesh.triangles]
+    size = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    area = np.bincount(topology.mesh.face, size, minlength=topology.n_faces)
+    bent = set(first)
+    for _ in range(_ROUNDS):
+        sides = [tuple(-1 if f in bent else f for f in b.faces) for b in topology.borders]
+        borders = [replace(b, faces=pair) for b, pair in zip(topology.borders, sides, strict=True)]
+        curves, _ = lay_borders(borders, topology.vertices, shapes, h, caution)
+        wide = sorted((-c.gap, k) for k, c in enumerate(curves) if min(c.faces) >= 0 and c.gap > widest * h)
+        moved: set[int] = set()
+        for _, k in wide:
+            # What a bent face leaves behind moves the vertices: what else is wide there is seen in the next round.
+            if not moved & set(curves[k].vertices) - {-1}:
+                bent.add(min(curves[k].faces, key=lambda f: (area[f], f)))
+                moved |= set(curves[k].vertices)
+        if not wide:
+            break
+    return sorted(bent), curves
+
+
+def conformed(shape: Shape, loops: Sequence[Floats], h: float, towards: Floats | None = None) -> WideSpline:
+    """Bend a surface so that it passes through the borders of its face.
+
+    Parameters
+    ----------
+    shape : Shape
+    loops : sequence of (K, 3) float64
+        Points along every loop of the face.
+    h : float
+        Spacing of the cloud.
+    towards : (3,) float64, optional
+        For a sphere, the direction of its axis.
+
+    Raises
+    ------
+    NoResultError
+        If the face holds a pole, goes around as a whole, or lies far from its borders.
+
+    Notes
+    -----
+    The surface is offset along its normals by a bicubic spline in its own parameters, the distance of the borders at the borders and
+    nothing soon away from them: a least-squares fit that is held to zero and kept from wrinkles.
+    """
+    wide: Any = widened(shape, np.vstack(loops), h)
+    chart = chart_of(wide, 1.0, towards=towards)
+    paths, around = unrolled(chart, [chart.uv(loop) for loop in loops])
+    if around[1] or (around[0] and any(pole is not None for pole in chart.poles) and len(paths) < 2):
+        raise NoResultError("A surface that goes around both ways, or has a pole, cannot be bent.")
+    uv, points = np.vstack(paths), np.vstack(loops)
+    feet = chart.point(uv)
+    off = np.einsum("nk,nk->n", points - feet, wide.normal(feet))
+    if np.abs(off).max() > _FARTHEST * h:
+        raise NoResultError("Its borders lie far from the surface.")
+    axes = [_nodes(chart, uv, np.abs(off) > _STILL * h, axis, around[axis], h) for axis in (0, 1)]
+    if around[0]:
+        period = chart.period[0] or 0.0
+        uv = np.vstack([uv + np.array([turn * period, 0.0]) for turn in (0, -1, 1)])
+        inside = (uv[:, 0] >= axes[0][0]) & (uv[:, 0] <= axes[0][-1])
+        uv, off = uv[inside], np.tile(off, 3)[inside]
+    u, v = np.meshgrid(*axes, indexing="ij")
+    grid = chart.point(np.column_stack([u.ravel(), v.ravel()]))
+    offset = _offset(axes, uv, off)
+    if around[0]:
+        offset[[0, -1]] = 0.5 * (offset[0] + offset[-1])
+    moved = (grid + offset.reshape(-1, 1) * wide.normal(grid)).reshape(*u.shape, 3)
+    if around[0]:
+        moved[-1] = moved[0]
+    first = make_interp_spline(axes[0], moved, k=3)
+    second = make_interp_spline(axes[1], np.moveaxis(np.asarray(first.c), 1, 0), k=3)
+    control = np.ascontiguousarray(np.moveaxis(np.asarray(second.c), 0, 1))
+    return WideSpline(BSplineSurface((3, 3), (first.t, second.t), control, np.ones(control.shape[:2]), (around[0], False)))
+
+
+def _nodes(chart: Chart, uv: Floats, moved: NDArray[np.bool_], axis: int, around: bool, h: float) -> Floats:
+    """Return the parameters between which the surface is a cubic: close to each other where it is bent."""
+    aside = np.zeros(2)
+    aside[axis] = 1e-4 * max(float(np.ptp(uv[:, axis])), 1e-9)
+    slope = float(np.median(np.linalg.norm(chart.point(uv + aside) - chart.point(uv), axis=1))) / aside[axis]
+    step = _STEP * h / max(slope, 1e-300)
+    low, high = float(uv[:, axis].min()), float(uv[:, axis].max())
+    if around:
+        low = low if chart.period[axis] is None else chart.start[axis]
+        high = low + (chart.period[axis] or 0.0)
+    else:
+        low, high = low - 3.0 * step, high + 3.0 * step
+    period = chart.period[axis]
+    surface = getattr(chart, "surface", None)
+    if surface is not None:
+        knots = np.unique(surface.knots[axis])
+        coarse = np.unique(np.r_[low, np.interp(np.arange(4 * len(knots) - 3) / 4, np.arange(len(knots)), knots), high])
+        coarse = coarse[(coarse >= low) & (coarse <= high)]
+    else:
+        coarse = np.linspace(low, high, max(9, int(np.ceil(_TURN * (high - low) / period)) + 1 if period else 9))
+    at = uv[moved, axis]
+    fine = np.linspace(low, high, int(np.clip(np.ceil((high - low) / step), 1, _NODES)) + 1)
+    if len(at):
+        at = np.sort(at)
+        k = np.clip(np.searchsorted(at, fine), 1, len(at) - 1) if len(at) > 1 else np.zeros(len(fine), int)
+        near = np.minimum(np.abs(fine - at[k - 1]), np.abs(fine - at[k]))
+        fine = fine[near <= max(_AROUND * step / _STEP, fine[1] - fine[0])]
+    else:
+        fine = fine[:0]
+    nodes = np.unique(np.concatenate([coarse, fine]))
+    # Nodes much closer than their neighbours would make the spline wave.
+    least = 0.3 * min(step, float(np.diff(coarse).min()))
+    kept = [nodes[0]]
+    for x in nodes[1:-1]:
+        if x - kept[-1] >= least and nodes[-1] - x >= least:
+            kept.append(x)
+    return np.array([*kept, nodes[-1]])
+
+
+def _offset(axes: Sequence[Floats], uv: Floats, off: Floats) -> Floats:
+    """Return a bicubic spline fit to offsets at parameters (K, 2), at all pairs of nodes."""
+    knots = [np.r_[[x[0]] * 3, x, [x[-1]] * 3] for x in axes]
+    data = [BSpline.design_matrix(np.clip(uv[:, a], axes[a][0], axes[a][-1]), knots[a], 3).tocsr() for a in (0, 1)]
+    n = [d.shape[1] for d in data]
+    row, rank = np.repeat(np.arange(len(uv)), 16), data[0].data.reshape(-1, 4)
+    columns = (data[0].indices.reshape(-1, 4)[:, :, None] * n[1] + data[1].indices.reshape(-1, 4)[:, None, :]).ravel()
+    values = (rank[:, :, None] * data[1].data.reshape(-1, 4)[:, None, :]).ravel()
+    rows = csr_matrix((values, (row, columns)), shape=(len(uv), n[0] * n[1]))
+    bend = [diags([1.0, -2.0, 1.0], [0, 1, 2], shape=(m - 2, m)) for m in n]
+    along = kron(bend[0].T @ bend[0], eye(n[1])) + kron(eye(n[0]), bend[1].T @ bend[1])
+    normal = (rows.T @ rows).tocsc()
+    hold = np.where(normal.diagonal() > 1e-3, _HOLD, _STAY)
+    normal = normal + _SMOOTH**2 * along + diags(hold**2)
+    c = np.asarray(spsolve(normal.tocsc(), rows.T @ off)).reshape(n)
+    at = [BSpline.design_matrix(x, k, 3) for x, k in zip(axes, knots, strict=True)]
+    return np.asarray(at[0] @ c @ at[1].T.toarray())
