@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from scan2nurbs.brep.borders import BorderCurve
 from scan2nurbs.brep.conform import conformed, yielding
@@ -19,6 +20,7 @@ ATTEMPTS = 5
 """Most attempts that are told of as progress."""
 
 _ROUNDS, _BENDS = 3, 2
+_DENSE = 0.4
 _MARGIN = 0.8
 """Gaps within this share of a tolerance can be held by it."""
 TOO_WIDE = "Its edges would lie too far from its neighbours."
@@ -126,7 +128,7 @@ def _bent(best: Attempt, unbent: Sequence[Any], topology: Topology, h: float, sc
         loops = topology.loops[f]
         lines = []
         for loop in loops:
-            parts = [curves[k].curve(curves[k].curve.samples(64)) for k, _ in loop]
+            parts = [_dense(curves[k], h) for k, _ in loop]
             lines.append(np.vstack([line if forward else line[::-1] for line, (_, forward) in zip(parts, loop, strict=True)]))
         try:
             shapes[f] = conformed(unbent[f], lines, h, sphere_axis(unbent[f], loops, curves))
@@ -138,6 +140,12 @@ def _bent(best: Attempt, unbent: Sequence[Any], topology: Topology, h: float, sc
     around = {k for f in bent for loop in topology.loops[f] for k, _ in loop}
     caution = tuple(max(care, int(k in around) + int(k in around and bool(best.bent))) for k, care in enumerate(best.caution))
     return Attempt(trim_faces(shapes, topology, h, scale, caution), tuple(shapes), caution, frozenset(bent))
+
+
+def _dense(border: BorderCurve, h: float) -> NDArray[np.float64]:
+    points = border.curve(border.curve.samples(64))
+    length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+    return points if length < 64 * _DENSE * h else border.curve(border.curve.samples(int(np.ceil(length / (_DENSE * h)))))
 
 
 def _loosened(best: Attempt, topology: Topology, h: float, scale: float, bearable: float) -> Attempt:

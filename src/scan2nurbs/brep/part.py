@@ -8,12 +8,14 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from scan2nurbs.brep.alone import trim_alone
 from scan2nurbs.brep.attempts import ATTEMPTS, TOO_WIDE, Attempt, trim_part
 from scan2nurbs.brep.borders import BorderCurve
+from scan2nurbs.brep.cad import tessellate
 from scan2nurbs.brep.check import check, is_valid, is_valid_meshed
-from scan2nurbs.brep.deviation import deviation
+from scan2nurbs.brep.deviation import deviation, sample
 from scan2nurbs.brep.face import kernel_scale
 from scan2nurbs.brep.occ import silence
 from scan2nurbs.brep.sewn import sew
@@ -26,6 +28,7 @@ from scan2nurbs.scale import Scale
 
 Floats = NDArray[np.float64]
 
+_ASTRAY, _SOME = 3.0, 0.05
 _TOO_LARGE = "It would reach far beyond its points"
 
 
@@ -197,14 +200,14 @@ def _completed(
     faces, how = list(made.faces), []
     room = _room(topology, h)
     for f in range(len(shapes)):
-        why_not = made.failures.get(f, "" if _size(faces[f], factor) <= room[f] else _TOO_LARGE)
+        why_not = made.failures.get(f, _TOO_LARGE if _is_astray(faces[f], room[f], topology, h, factor) else "")
         why_not = why_not or _spoilt(faces[f], params.bearable * h * factor)
         if not why_not:
             borders = {k for loop in topology.loops[f] for k, _ in loop}
             how.append("bent" if f in trimmed.bent else "followed" if any(caution[k] for k in borders) else "shared")
             continue
         faces[f] = trim_alone(f, shapes[f], topology, h, factor)
-        if _size(faces[f], factor) > room[f]:
+        if _is_astray(faces[f], room[f], topology, h, factor):
             faces[f] = ()
         how.append("alone" if faces[f] else "lost")
         why = f"Face {f + 1} ({shapes[f].kind}) does not fit its neighbours ({why_not.rstrip('.')}): "
@@ -219,8 +222,17 @@ def _spoilt(pieces: tuple[Any, ...], widest: float) -> str:
     return "" if all(is_valid(face) and is_valid_meshed(face) for face in pieces) else "Its neighbours spoil its edges"
 
 
+def _is_astray(pieces: tuple[Any, ...], room: float, topology: Topology, h: float, factor: float) -> bool:
+    """Tell whether a face is larger than its points and reaches where no points are: the wrong side of its borders was taken."""
+    if not pieces or _size(pieces, factor) <= room:
+        return False
+    samples, _ = sample(tessellate(compound(pieces), deflection=0.1 * h * factor), h * factor)
+    apart = KDTree(topology.mesh.vertices).query(samples / factor, distance_upper_bound=_ASTRAY * h)[0]
+    return float(np.mean(~np.isfinite(apart))) > _SOME
+
+
 def _room(topology: Topology, h: float) -> Floats:
-    """Return how large each face may become: twice the mesh that its borders were read from, and a few cells more; anything without one."""
+    """Return the area above which a face is looked at: twice that of the mesh that its borders were read from, and a few cells more."""
     if not len(topology.mesh.triangles):
         return np.full(topology.n_faces, np.inf)
     corners = topology.mesh.vertices[topology.mesh.triangles]

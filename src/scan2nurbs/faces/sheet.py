@@ -167,7 +167,7 @@ def is_covered(sheet: Sheet, points: Floats, spacing: Floats, cells: Cells, reac
 
 
 def is_pinhole(sheet: Sheet, points: Floats, label: NDArray[np.int32], covered: NDArray[np.bool_], most: float) -> NDArray[np.bool_]:
-    """Tell which triangles lie in small gaps within a single face.
+    """Tell which triangles lie in small gaps within a single face, or in a quarter of such a gap anywhere.
 
     Parameters
     ----------
@@ -190,7 +190,7 @@ def is_pinhole(sheet: Sheet, points: Floats, label: NDArray[np.int32], covered: 
         np.minimum.at(low, gap, label[corners[:, k]])
         np.maximum.at(high, gap, label[corners[:, k]])
     out = np.zeros(len(covered), bool)
-    out[~covered] = ((area < most) & (low == high))[gap]
+    out[~covered] = (area < np.where(low == high, most, 0.25 * most))[gap]
     return out
 
 
