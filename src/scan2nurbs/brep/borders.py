@@ -23,7 +23,7 @@ _MOST = 400
 _SIMPLE = (0.1, 0.03, 2e-3)
 _STRAY = (0.02, 0.02, 2e-3)
 _PRIOR = (0.02, 0.3, 1.0)
-_GUIDE, _CONTACT = 0.05, 0.3
+_GUIDE, _CONTACT, _FIRM = 0.05, 0.3, 3.0
 _DRIFT = 3.0
 _KEEP_END = 0.08
 _AIM = 0.94
@@ -215,7 +215,8 @@ def _vertex(start: Floats, shapes: list[Shape], guides: list[_Guide], h: float, 
         for guide in guides:
             near = int(np.argmin(np.linalg.norm(guide.points - at, axis=1)))
             across = unit(np.cross(guide.meeting.shapes[0].normal(at[None])[0], guide.along[near]))
-            weight = _CONTACT if guide.mode == 1 else _GUIDE
+            # A line of contact that ends aside of its vertex would hook across its neighbours to get there.
+            weight = max(_CONTACT, _FIRM * prior) if guide.mode == 1 else _GUIDE
             rows.append(weight * across[None])
             right.append(np.array([weight * across @ (guide.points[near] - at)]))
         step = np.linalg.lstsq(np.vstack(rows), np.concatenate(right), rcond=None)[0]
