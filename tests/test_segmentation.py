@@ -205,3 +205,28 @@ def test_planes_that_nearly_coincide_are_united_and_those_of_a_shallow_crease_ar
         values = fit_regions(sheet, label, models, kinds)
         joined, _ = unite(sheet, label, models, values, kinds)
         assert len(np.unique(joined)) == faces
+
+
+def test_three_planes_amid_the_noise_of_one_are_united():
+    """What goes to the third of them is missing where two are compared; another plane shows what noise leaves."""
+    rng = np.random.default_rng(8)
+    n = 90
+    places = np.stack(np.meshgrid(np.arange(2 * n), np.arange(n), indexing="ij"), axis=-1).reshape(-1, 2).astype(float)
+    cells = build_cells(np.c_[places, np.zeros(len(places))], 3.0)
+    places = cells.points[:, :2]
+    neighbours, _ = nearest_neighbours(cells, 12, reach=2.5)
+    neighbours = np.where(neighbours < 0, np.arange(len(places), dtype=np.int32)[:, None], neighbours)
+    noise = rng.normal(scale=NOISE, size=len(places))
+    # Each of the three has a stripe of its own, and a third of the points that noise moves to it elsewhere.
+    height = np.array([-0.8, 0.0, 0.8]) * NOISE
+    stripe = np.minimum(places[:, 0] // (n / 3), 2).astype(np.int32)
+    nearest = np.abs(noise[:, None] - height).argmin(axis=1).astype(np.int32)
+    label = np.where(places[:, 0] >= n, 3, np.where(rng.random(len(places)) < 0.35, nearest, stripe)).astype(np.int32)
+    points = np.c_[places, noise + 50.0 * (label == 3)]
+    sheet = Sheet(points, np.tile([0.0, 0.0, 1.0], (len(points), 1)), neighbours, np.ones(neighbours.shape), NOISE, 0.12)
+    models = np.zeros((4, SIZE))
+    models[:, 1:3], models[:, 3], models[:, 6] = 0.5 * n, [*height, 50.0], 1.0
+    kinds = np.arange(6) == PLANE
+    values = fit_regions(sheet, label, models, kinds)
+    joined, _ = unite(sheet, label, models, values, kinds)
+    assert len(np.unique(joined)) == 2

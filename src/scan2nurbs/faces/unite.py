@@ -11,6 +11,12 @@ from scan2nurbs.kernels.runner import run_ranges
 
 LEAST_CONTACT = 6
 RANGE = 8
+MANY = 300
+"""Regions of fewer points tell nothing of the noise: what their parameters cost is not small beside what it leaves."""
+COINCIDENT = 1.0
+"""Surfaces coincide if points of one leave, a point, less than this in the other: as if they were farther away by half their noise."""
+NOISE_LEAVES = 0.5
+"""Mean negative log likelihood of normal noise, a point."""
 
 
 def contacts(label: NDArray[np.int32], neighbours: NDArray[np.int32]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int32]]:
@@ -68,11 +74,12 @@ def unite(
         tested.update((int(i), int(j)) for i, j in pairs)
         order, starts = grouped(label, len(models))
         gains, united = _gains(sheet, label, models, values, kinds, (order, starts), (pairs, place))
+        worth = gains + _owed_to_choice(sheet, models, values, (order, starts), pairs, gains)
         changed: set[int] = set()
         gone: set[int] = set()
-        for p in np.argsort(-gains, kind="stable"):
+        for p in np.argsort(-worth, kind="stable"):
             i, j = int(pairs[p, 0]), int(pairs[p, 1])
-            if gains[p] <= -MODEL_COST:
+            if worth[p] <= -MODEL_COST:
                 break
             if i in gone or j in gone or (i in changed and j in changed):
                 tested.discard((i, j))
@@ -97,6 +104,38 @@ def unite(
         if not touched:
             break
     return label, models
+
+
+def _owed_to_choice(
+    sheet: Sheet,
+    models: NDArray[np.float64],
+    values: NDArray[np.float64],
+    regions: tuple[NDArray[np.int32], NDArray[np.int64]],
+    pairs: NDArray[np.int64],
+    gains: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Return how much of the criteria of pairs is owed to points that chose their region by their noise.
+
+    Where several surfaces nearly coincide, each has the points that noise moved towards it, and leaves less than noise does. What noise
+    leaves is what half of all points leave at most; whether two surfaces coincide, the points of the smaller region tell.
+    """
+    order, starts = regions
+    size, owed = np.diff(starts), np.zeros(len(pairs))
+    kept = np.isfinite(values) & (size >= MANY)
+    if not kept.any():
+        return owed
+    each, weight = values[kept] / size[kept], size[kept]
+    by_value = np.argsort(each, kind="stable")
+    middle = by_value[np.searchsorted(np.cumsum(weight[by_value]), 0.5 * weight.sum())]
+    luck = np.where(kept, min(float(each[middle]), NOISE_LEAVES) * size - np.sqrt(0.5 * size) - np.where(kept, values, 0.0), 0.0)
+    both = np.where(kept[pairs].all(axis=1), np.maximum(luck, 0.0)[pairs].sum(axis=1), 0.0)
+    alike = models[pairs[:, 0], 0] == models[pairs[:, 1], 0]
+    for p in np.flatnonzero(alike & (gains <= -MODEL_COST) & (gains + both > -MODEL_COST)):
+        small, large = sorted(pairs[p].tolist(), key=lambda r: (size[r], r))
+        mine = order[starts[small] : starts[small + 1]]
+        if misfit(models[large], sheet.points, mine, len(mine), sheet.sigma) < COINCIDENT * len(mine):
+            owed[p] = both[p]
+    return owed
 
 
 def _gains(
