@@ -20,7 +20,7 @@ from scan2nurbs.brep.face import kernel_scale
 from scan2nurbs.brep.occ import silence
 from scan2nurbs.brep.sewn import sew
 from scan2nurbs.brep.shared import SharedFaces
-from scan2nurbs.brep.solids import Assembled, assemble, compound, tolerance, volume
+from scan2nurbs.brep.solids import Assembled, apart, assemble, compound, tolerance, volume
 from scan2nurbs.errors import NoResultError
 from scan2nurbs.faces.topology import Fitted, Topology
 from scan2nurbs.kernels.runner import Progress
@@ -271,6 +271,10 @@ def _model(
         if check(loose.shape).valid:
             whole, found = loose, check(loose.shape)
             notes.append("The CAD kernel finds the shells of these faces invalid: the faces are not joined to shells.")
+        else:
+            faces, how, whole = _parted(faces)
+            found = check(whole.shape)
+            notes.append("The CAD kernel finds faces invalid that share edges: every face has edges of its own.")
     measured = deviation(whole.shape, points, h=scale.h, reach=params.reach * scale.h + 3.0 * scale.noise, scale=factor)
     return PartModel(
         shape=whole.shape,
@@ -291,6 +295,16 @@ def _model(
         rms=measured.rms,
         notes=tuple(notes),
     )
+
+
+def _parted(faces: Sequence[tuple[Any, ...]]) -> tuple[list[tuple[Any, ...]], list[str], Assembled]:
+    """Give every face edges of its own, and leave out what is not even valid then."""
+    kept = [tuple(piece for piece in map(apart, pieces) if is_valid(piece) and is_valid_meshed(piece)) for pieces in faces]
+    every = [piece for pieces in kept for piece in pieces]
+    if not every:
+        raise NoResultError("No face of the part could be made.")
+    how = ["alone" if pieces else "lost" for pieces in kept]
+    return kept, how, Assembled(compound(every), 0, assemble(every).n_free_edges)
 
 
 def _edge(curve: BorderCurve) -> PartEdge:

@@ -66,6 +66,14 @@ def compound(shapes: Sequence[Any]) -> Any:
     return made
 
 
+def apart(face: Any) -> Any:
+    """Return a copy of a face that shares nothing with others."""
+    from OCP.BRepBuilderAPI import BRepBuilderAPI_Copy
+    from OCP.TopoDS import TopoDS
+
+    return TopoDS.Face(BRepBuilderAPI_Copy(face).Shape())
+
+
 def _groups(faces: Sequence[Any]) -> list[list[int]]:
     """Return the faces that hang together by edges, as ascending rows."""
     parent = list(range(len(faces)))

@@ -7,11 +7,12 @@ from numpy.typing import NDArray
 
 from scan2nurbs.faces.compete import CANDIDATES, Sheet, adopt, drop_outliers, fit_regions, label_points, offered, select, split_pieces
 from scan2nurbs.faces.fillets import find_fillets
+from scan2nurbs.faces.lost import find_lost
 from scan2nurbs.faces.unite import unite
 from scan2nurbs.kernels.bends import unevenness
 from scan2nurbs.kernels.growth import NONE_COST, propose
 from scan2nurbs.kernels.labelling import candidate_costs
-from scan2nurbs.kernels.primitives import CYLINDER, PATCH, SIZE, TORUS
+from scan2nurbs.kernels.primitives import CYLINDER, PATCH, PLANE, SIZE, TORUS
 from scan2nurbs.kernels.runner import Progress
 
 MOST_MODELS = 6000
@@ -19,6 +20,7 @@ ROUNDS = 5
 LEAST_SEED = 15
 RINGS = 2
 FILLET_ROUNDS = (1, 2)
+LOST_ROUNDS = (2, 3)
 
 
 def find_primitives(
@@ -71,6 +73,8 @@ def find_primitives(
             break
         if step in FILLET_ROUNDS and kinds[CYLINDER] and kinds[TORUS]:
             sheet, label, models = find_fillets(sheet, label, models)
+        if step in LOST_ROUNDS and kinds[PLANE]:
+            label, models = find_lost(sheet, label, models, least)
         candidates = offered(sheet, label, models, RINGS)
         if progress is not None:
             progress(step + 1, ROUNDS)
