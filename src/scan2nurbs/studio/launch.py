@@ -13,6 +13,7 @@ import uvicorn
 
 from scan2nurbs.errors import ParameterError
 from scan2nurbs.studio.guard import Access
+from scan2nurbs.studio.lock import lock_project
 from scan2nurbs.studio.project import Project
 from scan2nurbs.studio.server import LARGEST_MESSAGE, STATIC, make_app
 from scan2nurbs.studio.session import Session
@@ -50,9 +51,12 @@ def serve(project: Project | None, *, host: str, port: int, home: Path, opens: b
     ------
     ParameterError
         If the address cannot be listened on.
+    InputError
+        If another studio has the project open.
     """
     if not (STATIC / "index.html").exists():
         raise ParameterError("The page of the studio is not built: run `npm ci && npm run build` in studio-web.")
+    lock = None if project is None else lock_project(project.folder)
     listening = _listen(host, port)
     port = listening.getsockname()[1]
     names = _names(host)
@@ -72,6 +76,8 @@ def serve(project: Project | None, *, host: str, port: int, home: Path, opens: b
     if opens:
         webbrowser.open(url)
     uvicorn.Server(config).run(sockets=[listening])
+    if lock is not None:
+        lock.close()
 
 
 def _names(host: str) -> list[str]:
