@@ -108,7 +108,7 @@ def test_the_default_finds_a_crease_under_noise(turn, noise):
     # The border of the scan is an edge, too.
     inner = (np.abs(roof(12_000, turn, 0.0)[:, 1]) < 48) & (distance < 48)
     # Noise moves points beyond the reach of the crease.
-    assert edges.mask[(distance < 0.7) & inner].mean() > (0.85 if noise == 0 else 0.7)
+    assert edges.mask[(distance < 0.45) & inner].mean() > (0.85 if noise == 0 else 0.7)
     assert edges.mask[(distance > 2.5 + 2 * noise) & inner].mean() < 0.01
     assert edges.mask[(distance > 4.0) & inner].mean() < 0.01
     assert edges.noise == pytest.approx(noise, abs=0.03)

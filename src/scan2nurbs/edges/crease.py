@@ -14,7 +14,7 @@ from scan2nurbs.edges.chains import chain_extent
 from scan2nurbs.edges.operators import RADIUS_RANGE, Lengths, Strength, compare_planes, one_sided_planes_of
 from scan2nurbs.edges.params import EdgeParams
 from scan2nurbs.kernels.alongside import mean_along, nearest_piece
-from scan2nurbs.kernels.bend_widths import Bends, fit_bends
+from scan2nurbs.kernels.bend_widths import FLOOR, Bends, fit_bends
 from scan2nurbs.kernels.cells import Cells, build_cells
 from scan2nurbs.kernels.creases import fit_wedges
 from scan2nurbs.kernels.nearest import nearest_to
@@ -36,9 +36,14 @@ MEAN_REACH, MEANS = 4.0, 8
 # The best of the bumps that noise makes look like short shallow creases. Pieces 10 h apart share no points, so that evidence adds up
 # along a chain of pieces, which follow each other closer than 1.5 h, and of its sum more is asked for.
 APART, FOLLOWS, SUM = 10.0, 1.5, 10.0
+# More is asked for as far as residuals come not from noise but from the shape of curved faces, which does not average out along a fold;
+# unless a sharp bend is clearly likelier than a rounding.
+SYSTEMATIC, CLEARLY = 10.0, 1.0
 # A second look with the narrowest window is worth its time where the first is wider than this times it; how near to a piece of
 # rounding, in h, what looks sharp in it does not count.
+# Within the last of these, in h, the first look has found the crease itself.
 FINER, VETO, SAME = 1.15, 1.5, 2.0
+# Along how much of a crease, in h, its line is averaged.
 ALIGN = 2.5
 # How far from the crease points are marked, in h, and half the length of a piece of it.
 REACH, HALF_PIECE = 0.5, 1.0
@@ -104,7 +109,7 @@ class Pieces(NamedTuple):
 
 
 class Creases(NamedTuple):
-    """Pieces of creases with the mean logarithms of the likelihoods (K,) of a sharp bend, and of the best rounded one, over one curved face."""
+    """Pieces of creases, and the mean logarithms of the likelihoods (K,) of a sharp bend, and of the best rounded one, over one face."""
 
     pieces: Pieces
     sharp: NDArray[np.float64]
@@ -181,9 +186,13 @@ def _weigh(meetings: Meetings, bends: Bends, lengths: Lengths) -> Creases:
 def _sharp(creases: Creases, lengths: Lengths) -> Pieces:
     """Keep the pieces that are sharp, with evidence enough for the length of their chain."""
     pieces, sharp = creases.pieces, creases.sharp
-    good = np.flatnonzero((sharp > EVIDENCE) & (sharp - creases.rounded > ROUNDING))
+    margin = sharp - creases.rounded
+    good = np.flatnonzero((sharp > EVIDENCE) & (margin > ROUNDING))
     extent = chain_extent(pieces.feet.points[good], FOLLOWS * lengths.h) / lengths.h
-    return _chosen(pieces, good[sharp[good] * (1.0 + extent / APART) > SUM], lengths)
+    systematic = (FLOOR * lengths.h) ** 2
+    more = SYSTEMATIC * systematic / (systematic + lengths.noise**2)
+    asked = np.where(margin[good] > CLEARLY, SUM, SUM + more)
+    return _chosen(pieces, good[sharp[good] * (1.0 + extent / APART) > asked], lengths)
 
 
 def _without_rounded(pieces: Pieces, seen: Creases, lengths: Lengths) -> Pieces:
