@@ -7,6 +7,7 @@ import contextlib
 import re
 from collections.abc import AsyncIterator
 from pathlib import Path
+from typing import BinaryIO
 
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
@@ -18,6 +19,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from scan2nurbs.errors import Scan2NurbsError
 from scan2nurbs.studio.guard import Access, Guard
+from scan2nurbs.studio.lock import lock_project
 from scan2nurbs.studio.messages import Trouble
 from scan2nurbs.studio.project import EXPORTS, SUFFIX, create_project
 from scan2nurbs.studio.session import Page, Session
@@ -67,6 +69,7 @@ def make_app(session: Session, access: Access, home: Path) -> Guard:
 class _Studio:
     def __init__(self, session: Session, access: Access, home: Path) -> None:
         self.session, self.access, self.home = session, access, home
+        self.lock: BinaryIO | None = None
 
     async def page(self, _request: Request) -> Response:
         return FileResponse(STATIC / "index.html")
@@ -114,7 +117,9 @@ class _Studio:
                     if size > LARGEST_SCAN:
                         return PlainTextResponse("The scan is larger than 8 GB: start the studio with its name instead.", 413)
                     await run_in_threadpool(stream.write, chunk)
-            self.session.open(await run_in_threadpool(create_project, scan, folder))
+            made = await run_in_threadpool(create_project, scan, folder)
+            self.lock = lock_project(folder)
+            self.session.open(made)
         except (Scan2NurbsError, OSError, ClientDisconnect) as error:
             return PlainTextResponse(f"The scan could not be taken: {error}", 400)
         return PlainTextResponse("")
