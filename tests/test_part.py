@@ -304,3 +304,22 @@ def test_wrong_parameters_are_told(tmp_path):
         write_part(tmp_path / "rod.stl", model, unit="mm", deflection=-1.0)
     with pytest.raises(OutputError):
         write_part(tmp_path / "none" / "rod.step", model, unit="mm")
+
+
+def test_faces_stay_where_the_kernel_refuses_all_that_share_edges(monkeypatch):
+    from dataclasses import replace
+
+    from scan2nurbs.brep import part as module
+
+    def picky(shape):
+        found = check(shape)
+        shared = found.free_edges < found.n_edges - 1
+        return replace(found, valid=found.valid and not shared)
+
+    monkeypatch.setattr(module, "check", picky)
+    part = rod().build()
+    assert part.valid
+    assert not part.closed
+    assert [face.trimmed for face in part.faces] == ["alone"] * 3
+    assert any("edges of its own" in note for note in part.notes)
+    assert part.coverage > 0.99

@@ -66,7 +66,7 @@ def yielding(
     corners = topology.mesh.vertices[topology.mesh.triangles]
     size = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     area = np.bincount(topology.mesh.face, size, minlength=topology.n_faces)
-    bent = set(first)
+    bent, curves = set(first), list[BorderCurve]()
     for _ in range(_ROUNDS):
         sides = [tuple(-1 if f in bent else f for f in b.faces) for b in topology.borders]
         borders = [replace(b, faces=pair) for b, pair in zip(topology.borders, sides, strict=True)]
@@ -179,12 +179,12 @@ def _offset(axes: Sequence[Floats], uv: Floats, off: Floats) -> Floats:
     """Return a bicubic spline fit to offsets at parameters (K, 2), at all pairs of nodes."""
     knots = [np.r_[[x[0]] * 3, x, [x[-1]] * 3] for x in axes]
     data = [BSpline.design_matrix(np.clip(uv[:, a], axes[a][0], axes[a][-1]), knots[a], 3).tocsr() for a in (0, 1)]
-    n = [d.shape[1] for d in data]
+    n = [len(k) - 4 for k in knots]
     row, rank = np.repeat(np.arange(len(uv)), 16), data[0].data.reshape(-1, 4)
     columns = (data[0].indices.reshape(-1, 4)[:, :, None] * n[1] + data[1].indices.reshape(-1, 4)[:, None, :]).ravel()
     values = (rank[:, :, None] * data[1].data.reshape(-1, 4)[:, None, :]).ravel()
     rows = csr_matrix((values, (row, columns)), shape=(len(uv), n[0] * n[1]))
-    bend = [diags([1.0, -2.0, 1.0], [0, 1, 2], shape=(m - 2, m)) for m in n]
+    bend = [csr_matrix(np.diff(np.eye(m), 2, axis=0)) for m in n]
     along = kron(bend[0].T @ bend[0], eye(n[1])) + kron(eye(n[0]), bend[1].T @ bend[1])
     normal = (rows.T @ rows).tocsc()
     hold = np.where(normal.diagonal() > 1e-3, _HOLD, _STAY)

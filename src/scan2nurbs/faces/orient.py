@@ -95,7 +95,7 @@ def _borders(points: Floats, normals: Floats, i: NDArray[np.intp], j: NDArray[np
     far = np.bincount(i, np.linalg.norm(way, axis=1), minlength=n) / count
     length = np.linalg.norm(inward, axis=1)
     share = np.clip(length / np.maximum(ASIDE * far, 1e-300), 0.0, 1.0)
-    return np.cross(inward / np.maximum(length, 1e-300)[:, None], normals), share
+    return np.asarray(np.cross(inward / np.maximum(length, 1e-300)[:, None], normals), np.float64), np.asarray(share, np.float64)
 
 
 def _along_tree(votes: csr_matrix) -> NDArray[np.int8]:
