@@ -20,7 +20,7 @@ LEAST_POINTS = 14
 # The window is grown from the crease outwards in steps of a spacing, and always this far.
 BINS, SURE = 16, 2
 # Two faces go on where their model passes through points, even if as many again, times this, lie elsewhere: those of a wall's other side.
-OTHERS = 1.0
+OTHERS = 2.0
 # Noise in the position of points along the surface rounds a sharp crease: the mean of |s + σε| near 0 is that of a half-width of 1.6 σ.
 ROUNDED = 1.6
 # Standard deviations, a priori, of the curvature of faces that meet and of one face that bends, in 1/h: surfaces that bend in less
