@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -11,13 +10,12 @@ from numpy.typing import NDArray
 
 from scan2nurbs.edges.border import find_borders
 from scan2nurbs.edges.chains import chain_extent
-from scan2nurbs.edges.operators import RADIUS_RANGE, Lengths, Strength, compare_planes, one_sided_planes_of
+from scan2nurbs.edges.operators import Lengths, Strength, compare_planes, one_sided_planes_of
 from scan2nurbs.edges.params import EdgeParams
 from scan2nurbs.kernels.alongside import mean_along, nearest_piece
-from scan2nurbs.kernels.bend_widths import FLOOR, Bends, fit_bends
+from scan2nurbs.kernels.bend_widths import Bends, fit_bends
 from scan2nurbs.kernels.cells import Cells, build_cells
 from scan2nurbs.kernels.creases import fit_wedges
-from scan2nurbs.kernels.nearest import nearest_to
 from scan2nurbs.kernels.runner import Progress
 from scan2nurbs.kernels.sides import Meetings, meeting_sides
 
@@ -36,17 +34,8 @@ MEAN_REACH, MEANS = 4.0, 8
 # The best of the bumps that noise makes look like short shallow creases. Pieces 10 h apart share no points, so that evidence adds up
 # along a chain of pieces, which follow each other closer than 1.5 h, and of its sum more is asked for.
 APART, FOLLOWS, SUM = 10.0, 1.5, 10.0
-# More is asked for as far as residuals come not from noise but from the shape of curved faces, which does not average out along a fold;
-# unless a sharp bend is clearly likelier than a rounding.
-SYSTEMATIC, CLEARLY = 10.0, 1.0
-# A second look with the narrowest window is worth its time where the first is wider than this times it; how near to a piece of
-# rounding, in h, what looks sharp in it does not count.
-# Within the last of these, in h, the first look has found the crease itself.
-FINER, VETO, SAME = 1.15, 1.5, 2.0
-# Along how much of a crease, in h, its line is averaged.
-ALIGN = 2.5
 # How far from the crease points are marked, in h, and half the length of a piece of it.
-REACH, HALF_PIECE = 0.5, 1.0
+REACH, HALF_PIECE = 0.85, 1.0
 # The comparison that tells where the surface breaks: a wedge is the best of 57 splits (4 = log 57), and its extra parameters must
 # pay too (4: two of them, at half the logarithm of some fifty points each).
 WEDGE_EVIDENCE = 8.0
@@ -73,70 +62,36 @@ def crease(cells: Cells, lengths: Lengths, params: EdgeParams, progress: Progres
     few points to tell in noise, and a wider one other edges; but a crease is long, and what a rounding looks like is the same all
     along it. Candidates are a few per cent of the points, at about 100 µs each.
     """
-    wide = _look(cells, lengths, params, _window(lengths), progress)
-    seen, candidates = wide.creases, wide.candidates
+    planes = one_sided_planes_of(cells, lengths, params, progress)
+    candidates = compare_planes(cells, planes, lengths, progress)
     border = find_borders(cells, candidates.normal, np.full(len(cells.points), lengths.h), lengths.h, lengths.noise).outline
-    pieces = _sharp(seen, lengths)
-    window = {"window": wide.window}
-    if params.radius is None and wide.window > FINER * WINDOW_RANGE[0] * lengths.h:
-        fine = _look(cells, lengths, replace(params, radius=RADIUS_RANGE[0], absolute=False), WINDOW_RANGE[0] * lengths.h, progress)
-        more = _apart_from(_sharp(fine.creases, lengths), pieces, SAME * lengths.h, lengths)
-        pieces = _joined(pieces, _without_rounded(more, seen, lengths), lengths)
-        window["fine_window"] = fine.window
+    places = np.flatnonzero(candidates.strength > CANDIDATE)
+    meetings = meeting_sides(cells, planes.normals.balls, planes.chosen, places, SIDES * lengths.h)
+    window = float(np.clip(WINDOW * math.sqrt(lengths.noise / lengths.h), *WINDOW_RANGE)) * lengths.h
+    meetings, bends = _bends(cells, places, meetings, window, lengths)
+    pieces = _sharp_pieces(meetings, bends, lengths)
     reach = REACH * lengths.h if params.reach is None else params.reach * (1.0 if params.absolute else lengths.h)
     strength = np.where(np.isnan(candidates.strength), np.nan, 0.0)
     strength[border] = 90.0
     if len(pieces.turn) > 0:
-        pieces = _aligned(pieces, lengths)
-        nearest = _marked(cells, pieces, lengths, reach)
+        nearest = nearest_piece(cells, pieces.feet, pieces.direction, HALF_PIECE * lengths.h, reach)
         found = (nearest >= 0) & ~np.isnan(strength) & ~border
         strength[found] = np.minimum(np.degrees(pieces.turn[nearest[found]]), 90.0)
     return Strength(
         strength=strength,
         normal=candidates.normal,
-        radii=candidates.radii | window | {"reach": reach},
+        radii=candidates.radii | {"window": window, "reach": reach},
         counts=candidates.counts
-        | {"crease_candidates": wide.n_places, "crease_pieces": len(pieces.turn), "border_points": int(border.sum())},
+        | {"crease_candidates": len(places), "crease_pieces": len(pieces.turn), "border_points": int(border.sum())},
     )
 
 
 class Pieces(NamedTuple):
-    """Short pieces of creases, sorted into cells by their middles, with direction (K, 3) and turn (K,) in radians."""
+    """Short pieces of sharp creases, sorted into cells by their middles, with direction (K, 3) and turn (K,) in radians."""
 
     feet: Cells
     direction: NDArray[np.float64]
     turn: NDArray[np.float64]
-
-
-class Creases(NamedTuple):
-    """Pieces of creases, and the mean logarithms of the likelihoods (K,) of a sharp bend, and of the best rounded one, over one face."""
-
-    pieces: Pieces
-    sharp: NDArray[np.float64]
-    rounded: NDArray[np.float64]
-
-
-class Look(NamedTuple):
-    """What was seen through windows of one width."""
-
-    window: float
-    candidates: Strength
-    n_places: int
-    creases: Creases
-
-
-def _window(lengths: Lengths) -> float:
-    return float(np.clip(WINDOW * math.sqrt(lengths.noise / lengths.h), *WINDOW_RANGE)) * lengths.h
-
-
-def _look(cells: Cells, lengths: Lengths, params: EdgeParams, window: float, progress: Progress | None) -> Look:
-    """Fit bends in windows of one width wherever one-sided normals differ."""
-    planes = one_sided_planes_of(cells, lengths, params, progress)
-    candidates = compare_planes(cells, planes, lengths, progress)
-    places = np.flatnonzero(candidates.strength > CANDIDATE)
-    meetings = meeting_sides(cells, planes.normals.balls, planes.chosen, places, SIDES * lengths.h)
-    meetings, bends = _bends(cells, places, meetings, window, lengths)
-    return Look(window, candidates, len(places), _weigh(meetings, bends, lengths))
 
 
 def _bends(cells: Cells, places: NDArray[np.int64], meetings: Meetings, window: float, lengths: Lengths) -> tuple[Meetings, Bends]:
@@ -164,11 +119,11 @@ def _bends(cells: Cells, places: NDArray[np.int64], meetings: Meetings, window: 
     return meetings, bends
 
 
-def _weigh(meetings: Meetings, bends: Bends, lengths: Lengths) -> Creases:
-    """Average the likelihoods along the creases."""
+def _sharp_pieces(meetings: Meetings, bends: Bends, lengths: Lengths) -> Pieces:
+    """Average the likelihoods along the creases and keep the pieces that are sharp."""
     kept = np.flatnonzero(np.isfinite(bends.turn) & np.isfinite(bends.misfit).all(axis=1))
     if len(kept) == 0:
-        return Creases(_pieces(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), lengths), np.zeros(0), np.zeros(0))
+        return Pieces(build_cells(np.zeros((1, 3)), 1.0), np.zeros((0, 3)), np.zeros(0))
     feet = build_cells(bends.foot[kept], MEAN_REACH * lengths.h)
     kept = kept[feet.order]
     misfit = bends.misfit[kept]
@@ -180,71 +135,15 @@ def _weigh(meetings: Meetings, bends: Bends, lengths: Lengths) -> Creases:
     up = np.cross(direction, across)
     for _ in range(MEANS):
         values = mean_along(feet, direction, up, values, MEAN_REACH * lengths.h, lengths.h)
-    return Creases(Pieces(feet, direction, values[:, -1]), values[:, 0], values[:, 1:-1].max(axis=1))
-
-
-def _sharp(creases: Creases, lengths: Lengths) -> Pieces:
-    """Keep the pieces that are sharp, with evidence enough for the length of their chain."""
-    pieces, sharp = creases.pieces, creases.sharp
-    margin = sharp - creases.rounded
-    good = np.flatnonzero((sharp > EVIDENCE) & (margin > ROUNDING))
-    extent = chain_extent(pieces.feet.points[good], FOLLOWS * lengths.h) / lengths.h
-    systematic = (FLOOR * lengths.h) ** 2
-    more = SYSTEMATIC * systematic / (systematic + lengths.noise**2)
-    asked = np.where(margin[good] > CLEARLY, SUM, SUM + more)
-    return _chosen(pieces, good[sharp[good] * (1.0 + extent / APART) > asked], lengths)
-
-
-def _without_rounded(pieces: Pieces, seen: Creases, lengths: Lengths) -> Pieces:
-    """Leave out the pieces beside which a wider window saw a rounding, which may look sharp through a narrow one."""
-    rounded = np.flatnonzero((seen.rounded > EVIDENCE) & (seen.sharp - seen.rounded <= ROUNDING))
-    if len(rounded) == 0 or len(pieces.turn) == 0:
-        return pieces
-    return _apart_from(pieces, _chosen(seen.pieces, rounded, lengths), VETO * lengths.h, lengths)
-
-
-def _apart_from(pieces: Pieces, others: Pieces, reach: float, lengths: Lengths) -> Pieces:
-    """Leave out the pieces closer than `reach` to others."""
-    if len(pieces.turn) == 0 or len(others.turn) == 0:
-        return pieces
-    beside = nearest_piece(pieces.feet, others.feet, others.direction, HALF_PIECE * lengths.h, reach)
-    return _chosen(pieces, np.flatnonzero(beside < 0), lengths)
-
-
-def _aligned(pieces: Pieces, lengths: Lengths) -> Pieces:
-    """Move the pieces across onto the mean line of those that carry on them."""
-    if len(pieces.turn) == 0:
-        return pieces
-    points, direction = pieces.feet.points, pieces.direction
-    step = mean_along(pieces.feet, direction, direction, points, ALIGN * lengths.h, lengths.h) - points
-    step -= np.einsum("ki,ki->k", step, direction)[:, None] * direction
-    return _pieces(points + step, direction, pieces.turn, lengths)
-
-
-def _marked(cells: Cells, pieces: Pieces, lengths: Lengths, reach: float) -> NDArray[np.int32]:
-    """Return for each point the piece that it lies on, or -1: one closer than `reach`, or one of which it is the nearest point."""
-    half = HALF_PIECE * lengths.h
-    on = nearest_piece(cells, pieces.feet, pieces.direction, half, reach)
-    index, distance = nearest_to(cells, pieces.feet.points, 1)
-    alone = np.flatnonzero((distance[:, 0] < half) & (on[index[:, 0]] < 0))
-    on[index[alone, 0]] = alone
-    return on
-
-
-def _chosen(pieces: Pieces, which: NDArray[np.int64], lengths: Lengths) -> Pieces:
-    return _pieces(pieces.feet.points[which], pieces.direction[which], pieces.turn[which], lengths)
-
-
-def _joined(a: Pieces, b: Pieces, lengths: Lengths) -> Pieces:
-    points = np.concatenate((a.feet.points[: len(a.turn)], b.feet.points[: len(b.turn)]))
-    return _pieces(points, np.concatenate((a.direction, b.direction)), np.concatenate((a.turn, b.turn)), lengths)
-
-
-def _pieces(points: NDArray[np.float64], direction: NDArray[np.float64], turn: NDArray[np.float64], lengths: Lengths) -> Pieces:
-    if len(points) == 0:
-        return Pieces(build_cells(np.zeros((1, 3)), 1.0), np.zeros((0, 3)), np.zeros(0))
-    feet = build_cells(points, 2.0 * lengths.h)
-    return Pieces(feet, np.ascontiguousarray(direction[feet.order]), turn[feet.order])
+    sharp, rounded, turn = values[:, 0], values[:, 1:-1].max(axis=1), values[:, -1]
+    good = np.flatnonzero((sharp > EVIDENCE) & (sharp - rounded > ROUNDING))
+    extent = chain_extent(feet.points[good], FOLLOWS * lengths.h) / lengths.h
+    good = good[sharp[good] * (1.0 + extent / APART) > SUM]
+    if len(good) == 0:
+        return Pieces(feet, np.zeros((0, 3)), np.zeros(0))
+    pieces = build_cells(feet.points[good], 2.0 * lengths.h)
+    good = good[pieces.order]
+    return Pieces(pieces, np.ascontiguousarray(direction[good]), turn[good])
 
 
 def breaks(cells: Cells, places: NDArray[np.float64], lengths: Lengths) -> NDArray[np.bool_]:

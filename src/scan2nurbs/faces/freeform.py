@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 
 from scan2nurbs.errors import InputError, NoResultError
 from scan2nurbs.faces.charts import charts
@@ -34,7 +33,6 @@ KINK = 35.0
 """Degrees by which pieces of a freeform face may turn where they meet: the smaller they are, the more."""
 LEAST_BORDER = 4.0
 """Borders shorter than this, in h, may be corners where faces touch that have no edge in common."""
-BESIDE_EDGE = 0.7
 CREASED = 0.5
 """A border is a crease where so large a share of its points is on an edge."""
 LEAST_PIECES = 3
@@ -101,10 +99,6 @@ def join_freeform(pieces: Pieces, on_edge: NDArray[np.bool_], scale: Scale, nois
     smooth = smooth_contacts(pieces.points, pieces.label, replace(contacts, found=bent), pieces.fits, scale)
     doubts = doubt_tangency(pieces.points, pieces.label, pieces.fits, [c.pair for c in smooth], noise=max(noise, 0.01 * scale.h), h=scale.h)
     least = max(noise, LEAST_DEVIATION * scale.h)
-    marked = pieces.points[on_edge]
-    if len(marked):
-        # Edge points lie within half a spacing of their edge: those of a border next to it do, too.
-        on_edge = np.isfinite(KDTree(marked).query(pieces.points, distance_upper_bound=BESIDE_EDGE * scale.h)[0])
     bent = tuple(c for c in bent if not _creased(pieces, c, on_edge, scale.h))
     clear = {c.pair for c in bent}
     run_on = {c.pair for c in smooth if c.pair in clear and doubts[c.pair] > 1.0 and _run_on(pieces, contacts, c, least)}

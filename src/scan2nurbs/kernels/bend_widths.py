@@ -19,8 +19,6 @@ PLACES_PER_RANGE = 256
 LEAST_POINTS = 14
 # The window is grown from the crease outwards in steps of a spacing, and always this far.
 BINS, SURE = 16, 2
-# Two faces go on where their model passes through points, even if as many again, times this, lie elsewhere: those of a wall's other side.
-OTHERS = 2.0
 # Noise in the position of points along the surface rounds a sharp crease: the mean of |s + σε| near 0 is that of a half-width of 1.6 σ.
 ROUNDED = 1.6
 # Standard deviations, a priori, of the curvature of faces that meet and of one face that bends, in 1/h: surfaces that bend in less
@@ -101,7 +99,7 @@ def _fit_bends(cells, places, meetings, lengths, widths, start, stop, out):
     indices = np.empty(1024, np.int64)
     x = np.empty((3, 1024))
     low, high, up, path, row = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(11)
-    bins, far, A = np.empty((4, BINS, 3)), np.empty(4), np.empty((11, 11))
+    bins, far, A = np.empty((4, BINS, 2)), np.empty(4), np.empty((11, 11))
     unit = lengths[0]
     along, noise, spacing = lengths[1] / unit, lengths[2] / unit, lengths[3] / unit
     for i in range(start, stop):
@@ -154,22 +152,23 @@ def _supported(x, n, slope, cosine, noise, spacing, bins, far):
     """Keep the points of the window as far as two half-planes explain it, on either side of the crease, then either way along it."""
     cap = 4.0 * noise + spacing
     limit = (ROUNDED * noise) ** 2 + (0.3 * spacing) ** 2
-    near = 2.0 * np.sqrt(limit)
     for axis in range(2):
         # Rows 0 and 1 are the two sides, 2 and 3 the two ways along.
         bins[:] = 0.0
         for j in range(n):
             side, end = (0 if x[1, j] < 0.0 else 1), (2 if x[0, j] < 0.0 else 3)
-            e = cosine * abs(x[2, j] - slope * abs(x[1, j]))
+            e = min(cosine * abs(x[2, j] - slope * abs(x[1, j])), cap)
             if axis == 0 and abs(x[0, j]) < 3.0 * spacing:
                 k = min(int(abs(x[1, j]) / (cosine * spacing)), BINS - 1)
-                _count(bins[side, k], e, near)
+                bins[side, k, 0] += e * e
+                bins[side, k, 1] += 1.0
             elif axis == 1 and abs(x[1, j]) < far[side] * cosine * spacing:
                 k = min(int(abs(x[0, j]) / spacing), BINS - 1)
-                _count(bins[end, k], e, near)
+                bins[end, k, 0] += e * e
+                bins[end, k, 1] += 1.0
         for row in range(2 * axis, 2 * axis + 2):
             k = SURE
-            while k < BINS and bins[row, k, 0] <= limit * bins[row, k, 1] and bins[row, k, 2] <= OTHERS * bins[row, k, 1]:
+            while k < BINS and bins[row, k, 0] <= limit * bins[row, k, 1]:
                 k += 1
             far[row] = k if k < BINS else np.inf
     kept = 0
@@ -180,16 +179,6 @@ def _supported(x, n, slope, cosine, noise, spacing, bins, far):
             x[0, kept], x[1, kept], x[2, kept] = x[0, j], x[1, j], x[2, j]
             kept += 1
     return kept
-
-
-@kernel
-def _count(box, e, near):
-    """Count a point of a bin: those near the model with their squared distance, the others apart."""
-    if e < near:
-        box[0] += e * e
-        box[1] += 1.0
-    else:
-        box[2] += 1.0
 
 
 @kernel
