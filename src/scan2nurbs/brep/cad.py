@@ -186,8 +186,10 @@ def load_cad(path: str | os.PathLike[str], *, deflection: float | None = None) -
     return tessellate(shape, deflection=deflection, source=str(path), notes=notes)
 
 
-def tessellate(shape: Any, *, deflection: float | None = None, source: str = "shape", notes: tuple[str, ...] = ()) -> CadPart:
-    """Make a `CadPart` of a ``TopoDS_Shape`` (solids, shells, faces or any compound of them).
+def tessellate(
+    shape: Any, *, deflection: float | None = None, least: float | None = None, source: str = "shape", notes: tuple[str, ...] = ()
+) -> CadPart:
+    """Make a `CadPart` of a ``TopoDS_Shape`` (solids, shells, faces or any compound of them); no triangle is made smaller than `least`.
 
     Raises
     ------
@@ -206,11 +208,14 @@ def tessellate(shape: Any, *, deflection: float | None = None, source: str = "sh
     if deflection is None:
         deflection = _DEFLECTION * float(np.sqrt(_area_of(shape)))
     # A finer mesh that another call left on the shape is used as it is.
-    # Without a least size a wrinkle, however small, is meshed until its angles are small.
-    how = IMeshTools_Parameters()
-    how.Deflection = how.MinSize = max(deflection, 1e-7)
-    how.Angle, how.InParallel = _ANGLE, True
-    BRepMesh_IncrementalMesh(shape, how)
+    if least is None:
+        BRepMesh_IncrementalMesh(shape, max(deflection, 1e-7), False, _ANGLE, True)
+    else:
+        # Without a least size a wrinkle, however small, is meshed until its angles are small.
+        how = IMeshTools_Parameters()
+        how.Deflection, how.MinSize = max(deflection, 1e-7), least
+        how.Angle, how.InParallel = _ANGLE, True
+        BRepMesh_IncrementalMesh(shape, how)
     of_solids = _map_of(shape, TopAbs_SOLID, TopAbs_FACE)
     faces, pieces = [], []
     for index, topo in enumerate(topo_faces):

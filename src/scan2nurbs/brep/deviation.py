@@ -61,7 +61,7 @@ def deviation(shape: Any, points: Floats, *, h: float, reach: float, scale: floa
     The model is sampled evenly, twice as close as the points. Where a sample is near, the distance is that along its normal; so the
     spacing of the samples does not matter.
     """
-    part = tessellate(shape, deflection=0.1 * h * scale)
+    part = tessellate(shape, deflection=0.1 * h * scale, least=0.1 * h * scale)
     spacing = max(_SPACING * h, float(np.sqrt(part.area / _MOST_SAMPLES)) / scale)
     samples, normals = sample(part, spacing * scale)
     samples = samples / scale

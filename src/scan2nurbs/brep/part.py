@@ -226,7 +226,7 @@ def _is_astray(pieces: tuple[Any, ...], room: float, topology: Topology, h: floa
     """Tell whether a face is larger than its points and reaches where no points are: the wrong side of its borders was taken."""
     if not pieces or _size(pieces, factor) <= room:
         return False
-    samples, _ = sample(tessellate(compound(pieces), deflection=0.1 * h * factor), h * factor)
+    samples, _ = sample(tessellate(compound(pieces), deflection=0.1 * h * factor, least=0.1 * h * factor), h * factor)
     apart = KDTree(topology.mesh.vertices).query(samples / factor, distance_upper_bound=_ASTRAY * h)[0]
     return float(np.mean(~np.isfinite(apart))) > _SOME
 
