@@ -10,11 +10,12 @@ from scan2nurbs.edges.detect import detect
 from scan2nurbs.edges.params import EdgeParams
 from scan2nurbs.errors import ParameterError
 from scan2nurbs.faces.compete import Sheet, fit_regions, link_weights
+from scan2nurbs.faces.lost import find_lost
 from scan2nurbs.faces.segmentation import Faces, SegmentParams, segment_points
 from scan2nurbs.faces.unite import unite
 from scan2nurbs.kernels.cells import build_cells
 from scan2nurbs.kernels.nearest import nearest_neighbours
-from scan2nurbs.kernels.primitives import PLANE, SIZE
+from scan2nurbs.kernels.primitives import CYLINDER, PLANE, SIZE
 from scan2nurbs.scale import measure_scale
 
 NOISE = 0.25
@@ -230,3 +231,28 @@ def test_three_planes_amid_the_noise_of_one_are_united():
     values = fit_regions(sheet, label, models, kinds)
     joined, _ = unite(sheet, label, models, values, kinds)
     assert len(np.unique(joined)) == 2
+
+
+def test_the_bottom_of_a_blind_hole_gets_a_plane_and_stray_points_do_not():
+    """Wall and bottom of a narrow hole, all labelled as the wall; a few points beside it that lie in no plane."""
+    rng = np.random.default_rng(3)
+    turn, z = (g.ravel() for g in np.meshgrid(np.arange(0.0, 2 * np.pi, 1 / 3), np.arange(0.5, 20.0)))
+    wall = np.c_[3 * np.cos(turn), 3 * np.sin(turn), z]
+    x, y = (g.ravel() for g in np.meshgrid(np.arange(-2.5, 3.0), np.arange(-2.5, 3.0)))
+    bottom = np.c_[x, y, np.zeros(len(x))][np.hypot(x, y) < 2.9]
+    stray = np.array([0.0, 0.0, 12.0]) + rng.uniform(-1.5, 1.5, (8, 3))
+    cells = build_cells(np.vstack([wall, bottom, stray]) + rng.normal(scale=0.1, size=(len(wall) + len(bottom) + 8, 3)), 3.0)
+    points = cells.points
+    neighbours, _ = nearest_neighbours(cells, 12, reach=2.5)
+    neighbours = np.where(neighbours < 0, np.arange(len(points), dtype=np.int32)[:, None], neighbours)
+    sheet = Sheet(points, np.full(points.shape, np.nan), neighbours, np.ones(neighbours.shape), 0.1, 0.12)
+    models = np.zeros((1, SIZE))
+    models[0, 0], models[0, 6], models[0, 7] = CYLINDER, 1.0, 3.0
+    label, found = find_lost(sheet, np.zeros(len(points), np.int32), models, 12)
+    assert len(found) == 2
+    assert found[1, 0] == PLANE
+    assert abs(found[1, 6]) > 0.99
+    deep = (np.hypot(points[:, 0], points[:, 1]) < 2.5) & (points[:, 2] < 1.0)
+    assert deep.sum() > 12
+    assert (label[deep] == 1).all()
+    assert (label[points[:, 2] > 2.0] == 0).all()

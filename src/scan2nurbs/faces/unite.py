@@ -99,9 +99,8 @@ def unite(
             changed.add(i)
             gone.add(j)
             label[label == j] = i
-        touched = changed | gone
-        tested = {pair for pair in tested if pair[0] not in touched and pair[1] not in touched}
-        if not touched:
+        tested = {pair for pair in tested if not (changed | gone) & set(pair)}
+        if not changed:
             break
     return label, models
 
