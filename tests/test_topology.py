@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scan2nurbs.errors import NoResultError, ParameterError
 from scan2nurbs.faces.check_topology import check_topology
 from scan2nurbs.faces.double import part_double_edges
-from scan2nurbs.faces.sheet import Sheet, drop_triangles, span_sheet
+from scan2nurbs.faces.sheet import Sheet, drop_triangles, is_pinhole, span_sheet
 from scan2nurbs.faces.topology import TopologyParams, find_topology
 from scan2nurbs.scale import measure_scale
 from scan2nurbs.surfaces.cylinder import Cylinder
@@ -307,3 +307,17 @@ def test_a_small_gap_within_a_face_is_closed_and_a_large_one_stays():
         label = np.zeros(len(points), np.int32)
         topology = solve(points, label, [Fit(Plane(np.zeros(3), np.array([0.0, 0.0, 1.0])))])
         assert len(topology.loops[0]) == borders
+
+
+def test_gaps_between_faces_are_closed_up_to_a_quarter_of_those_within_one():
+    """A strip of triangles of half a unit each, two of which lie in no data, between points of two faces."""
+    points = np.array([[i // 2, i % 2, 0.0] for i in range(12)], float)
+    triangles = np.array(
+        [[2 * k, 2 * k + 2, 2 * k + 1] for k in range(5)] + [[2 * k + 1, 2 * k + 2, 2 * k + 3] for k in range(5)], np.int32
+    )
+    sheet = Sheet(np.arange(12, dtype=np.int32), triangles, np.full(30, -1, np.int32))
+    covered = np.ones(10, bool)
+    covered[2] = False
+    one, two = np.zeros(12, np.int32), (np.arange(12) % 2).astype(np.int32)
+    for label, most, closed in ((one, 0.6, 1), (one, 0.4, 0), (two, 2.4, 1), (two, 1.6, 0)):
+        assert is_pinhole(sheet, points, label, covered, most).sum() == closed
