@@ -238,7 +238,8 @@ def _lay(border: Border, guide: _Guide, vertices: Floats, h: float) -> BorderCur
     points = _distinct(points, h)
     curve = simple_curve(points, closed, _SIMPLE[guide.mode] * h, _KEEP_END * h) if guide.caution < 2 else None
     if curve is None:
-        curve = lay_curve(_thinned(points, 2.0 * h), closed=closed, tolerance=_STRAY[guide.mode] * h, draw=_drawing(guide))
+        # A loop that folds back on itself may be thinned to equal points.
+        curve = lay_curve(_distinct(_thinned(points, 2.0 * h), h), closed=closed, tolerance=_STRAY[guide.mode] * h, draw=_drawing(guide))
     samples = curve(curve.samples(64))
     sine = float(np.median(guide.meeting.sine(samples)))
     angle = 180.0 if min(border.faces) < 0 else float(np.degrees(np.arcsin(min(sine, 1.0))))
@@ -292,9 +293,12 @@ def _between(guide: _Guide, first: Floats, last: Floats) -> Floats:
 
 def _distinct(points: Floats, h: float) -> Floats:
     """Leave out points that repeat the one before them, or the last; the ends stay, moved apart if they are all there is."""
+    # First those at the end: a loop that passes through it leaves a point twice in a row when that is taken away.
+    kept = np.linalg.norm(points - points[-1], axis=1) > 1e-3 * h
+    kept[[0, -1]] = True
+    points = points[kept]
     kept = np.r_[True, np.linalg.norm(np.diff(points, axis=0), axis=1) > 1e-3 * h]
     kept[-1] = True
-    kept[1:-1] &= np.linalg.norm(points[1:-1] - points[-1], axis=1) > 1e-3 * h
     points = points[kept]
     if len(points) == 2 and np.linalg.norm(points[1] - points[0]) <= 1e-3 * h:
         points = points + np.array([[-0.5], [0.5]]) * _SHORTEST * h / np.sqrt(3.0)

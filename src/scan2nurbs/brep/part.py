@@ -21,7 +21,7 @@ from scan2nurbs.brep.occ import silence
 from scan2nurbs.brep.sewn import sew
 from scan2nurbs.brep.shared import SharedFaces
 from scan2nurbs.brep.solids import Assembled, apart, assemble, compound, tolerance, volume
-from scan2nurbs.errors import NoResultError
+from scan2nurbs.errors import InputError, NoResultError
 from scan2nurbs.faces.topology import Fitted, Topology
 from scan2nurbs.kernels.runner import Progress
 from scan2nurbs.scale import Scale
@@ -226,7 +226,11 @@ def _is_astray(pieces: tuple[Any, ...], room: float, topology: Topology, h: floa
     """Tell whether a face is larger than its points and reaches where no points are: the wrong side of its borders was taken."""
     if not pieces or _size(pieces, factor) <= room:
         return False
-    samples, _ = sample(tessellate(compound(pieces), deflection=0.1 * h * factor, least=0.1 * h * factor), h * factor)
+    try:
+        mesh = tessellate(compound(pieces), deflection=0.1 * h * factor, least=0.1 * h * factor)
+    except InputError:  # so large, and still without a triangle: its borders enclose nothing
+        return True
+    samples, _ = sample(mesh, h * factor)
     apart = KDTree(topology.mesh.vertices).query(samples / factor, distance_upper_bound=_ASTRAY * h)[0]
     return float(np.mean(~np.isfinite(apart))) > _SOME
 
