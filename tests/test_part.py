@@ -1,11 +1,14 @@
 """Whole parts on shared edges: simple bodies whose volume is known, with borders as noisy as those read off a scan."""
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
 
+from scan2nurbs.brep.borders import lay_borders
 from scan2nurbs.brep.check import check
 from scan2nurbs.brep.part import build_part
 from scan2nurbs.brep.read import faces_of, read_shape
@@ -253,6 +256,31 @@ def test_a_part_far_too_small_for_the_kernel_is_scaled():
     assert model.volume == pytest.approx(np.pi * 25 * 12 * 1e-12, rel=1e-6)
 
 
+@given(st.lists(st.integers(0, 16).map(lambda k: k / 8), min_size=2, max_size=4, unique=True))
+@example([1.875, 1.5, 0.625])
+@example([0.75, 1.875, 2.0])
+@settings(deadline=None, max_examples=60)
+def test_a_loop_that_folds_back_on_itself_has_a_curve(way):
+    there_and_back = np.outer([*way, *way[-2::-1]], X)
+    (curve,), _ = lay_borders([Border(there_and_back, (0, -1), (-1, -1))], np.empty((0, 3)), [Plane(ZERO, Z)], 1.0)
+    assert np.isfinite(curve.curve(curve.curve.samples(20))).all()
+
+
+def test_a_large_face_without_a_triangle_is_left_out(monkeypatch):
+    from scan2nurbs.brep import part as module
+    from scan2nurbs.errors import InputError
+
+    def nothing(*_, **__):
+        raise InputError("None of its faces could be tessellated.")
+
+    body = rod()
+    built = body.build()
+    mesh = LabelledMesh(body.points[:3], np.array([[0, 1, 2]], np.int32), np.zeros(1, np.int32))
+    of_mesh = topology(body.borders, body.vertices, body.outward)
+    monkeypatch.setattr(module, "tessellate", nothing)
+    assert module._is_astray(built.faces[0].shapes, 0.0, replace(of_mesh, mesh=mesh), 1.0, built.kernel_scale)
+
+
 def test_no_faces_is_an_error():
     body = rod()
     with pytest.raises(NoResultError, match="no face"):
@@ -307,8 +335,6 @@ def test_wrong_parameters_are_told(tmp_path):
 
 
 def test_faces_stay_where_the_kernel_refuses_all_that_share_edges(monkeypatch):
-    from dataclasses import replace
-
     from scan2nurbs.brep import part as module
 
     def picky(shape):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,9 +14,12 @@ from scan2nurbs.kernels.labelling import candidate_costs
 from scan2nurbs.kernels.nearest import nearest_to
 from scan2nurbs.kernels.primitives import PATCH
 from scan2nurbs.scale import Scale
-from scan2nurbs.surfaces.shape_fit import ShapeFit, choose_shape, fit_shape
+from scan2nurbs.surfaces.shape import Kind
+from scan2nurbs.surfaces.shape_fit import PRIMITIVES, ShapeFit, choose_shape, fit_shape
 
 NEARBY = 4
+ENOUGH = 3000
+"""So many points of a face tell its kind."""
 
 
 def rank_faces(label: NDArray[np.int32], most: int | None) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
@@ -61,15 +66,16 @@ def face_fits(
     models: NDArray[np.float64],
     noise: float,
     h: float,
+    kinds: Sequence[Kind],
 ) -> tuple[ShapeFit, ...]:
-    """Fit the surface of every face to its points, of the kind of its model."""
+    """Fit the surface of every face to its points: of the kind of its model, or of a plainer one among `kinds` that does as well."""
     order = np.argsort(label, kind="stable")
     starts = np.searchsorted(label[order], np.arange(len(models) + 1))
     fits = []
     for face, model in enumerate(models):
         mine = order[starts[face] : starts[face + 1]]
         p, n = points[mine], normals[mine]
-        fits.append(_fit_free(p, n, noise) if int(model[0]) == PATCH else _fit(p, n, model, noise, h))
+        fits.append(_fit_free(p, n, noise) if int(model[0]) == PATCH else _plainest(_fit(p, n, model, noise, h), p, noise, kinds))
     return tuple(fits)
 
 
@@ -81,6 +87,18 @@ def _fit(points: NDArray[np.float64], normals: NDArray[np.float64], model: NDArr
         d = start.distance(points)
         rms = float(np.sqrt((d**2).mean()))
         return ShapeFit(shape=start, n_points=len(points), rms=rms, covariance=None, criterion=float("inf"), notes=(str(reason),))
+
+
+def _plainest(fit: ShapeFit, points: NDArray[np.float64], noise: float, kinds: Sequence[Kind]) -> ShapeFit:
+    """Return a fit of a plainer kind, where the points amid the face do not ask for the kind that it has.
+
+    Labels err along borders: the ring of a plane with some of its fillet passes for the zone of a sphere.
+    """
+    plainer = [kind for kind in PRIMITIVES[: PRIMITIVES.index(fit.shape.kind) + 1] if kind in kinds]
+    if len(plainer) < 2 or fit.covariance is None:
+        return fit
+    found = choose_shape(points[:: max(1, len(points) // ENOUGH)], noise=noise, kinds=plainer).shape.kind
+    return fit if found == fit.shape.kind else choose_shape(points, noise=noise, kinds=(found,))
 
 
 def _fit_free(points: NDArray[np.float64], normals: NDArray[np.float64], noise: float) -> ShapeFit:

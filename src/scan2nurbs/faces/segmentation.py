@@ -129,9 +129,10 @@ def segment_points(
         label = spread_labels(points, label, part_scale, models, sheet)
     noise = sheet.sigma * part_scale.h
     label, kept = rank_faces(label, None)
-    pieces = Pieces(points, edges.normal, label, face_fits(points, edges.normal, label, models[kept], noise, part_scale.h))
+    allowed = [kind for kind in KINDS if kind in (params.keep_types or KINDS)]
+    pieces = Pieces(points, edges.normal, label, face_fits(points, edges.normal, label, models[kept], noise, part_scale.h, allowed))
     if kinds[PATCH]:
-        pieces = join_freeform(pieces, edges.mask, scale, noise, [kind for kind in KINDS if kind in (params.keep_types or KINDS)])
+        pieces = join_freeform(pieces, edges.mask, scale, noise, allowed)
     label, kept = rank_faces(pieces.label, params.max_faces)
     fits = tuple(pieces.fits[k] for k in kept)
     smooth = smooth_contacts(points, label, face_contacts(label, scale), fits, scale)

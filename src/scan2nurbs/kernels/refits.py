@@ -15,6 +15,9 @@ COINCIDENT = 3.0
 """Two surfaces nearly coincide where a point's distances from both sum up to less than so many standard deviations."""
 PER_PARAMETER = 2.0
 """What a parameter costs more than by the criterion of Schwarz: borders are never clean, nor is noise quite normal."""
+RARER = 2.0
+"""Parameters that a sphere pays more than it has when kinds are compared: it is rarer than cylinders and cones, and no better than they
+are on a narrow ring or strip, where noise would choose it."""
 
 
 @kernel
@@ -35,6 +38,12 @@ def misfit(m, points, index, n, sigma):
 def criterion(m, points, index, n, sigma):
     """Return the misfit and what the parameters cost."""
     return misfit(m, points, index, n, sigma) + FREEDOM[int(m[0])] * (0.5 * np.log(max(n, 2)) + PER_PARAMETER)
+
+
+@kernel
+def _doubt(m, n):
+    """Return what the criterion of a model has to be better by than that of another kind."""
+    return RARER * (0.5 * np.log(max(n, 2)) + PER_PARAMETER) if int(m[0]) == SPHERE else 0.0
 
 
 @kernel
@@ -59,14 +68,14 @@ def refit(points, normals, neighbours, index, n, seed, stamp, mark, kinds, sigma
     best = np.inf
     if kinds[int(m[0])]:
         refine(trial, points, index, n, sigma, 5)
-        best = criterion(trial, points, index, n, sigma)
+        best = criterion(trial, points, index, n, sigma) + _doubt(trial, n)
         m[:] = trial
     first = np.empty(START, np.int32)
     n_first = _start_points(neighbours, seed, stamp, mark, first)
     bend = np.empty(14)
     scratch = np.zeros(SIZE)
     if n_first < 8:
-        return best
+        return best - _doubt(m, n)
     curvatures(points, first, n_first, scratch, bend)
     for kind in (PLANE, CYLINDER, SPHERE, CONE, TORUS, PATCH):
         if not kinds[kind]:
@@ -79,11 +88,11 @@ def refit(points, normals, neighbours, index, n, seed, stamp, mark, kinds, sigma
             if not best_start(kind, bend, points, first, n_first, sigma, trial) < np.inf:
                 continue
             refine(trial, points, index, n, sigma, 10)
-        value = criterion(trial, points, index, n, sigma)
+        value = criterion(trial, points, index, n, sigma) + _doubt(trial, n)
         if value < best:
             best = value
             m[:] = trial
-    return best
+    return best - _doubt(m, n)
 
 
 @kernel

@@ -20,14 +20,15 @@ from scan2nurbs.surfaces.shape_solve import TUKEY
 from scan2nurbs.surfaces.spline_shape import SplineShape
 from scan2nurbs.surfaces.swept_fit import fit_extrusion, fit_revolution
 
-__all__ = ["ShapeFit", "choose_shape", "fit_shape"]
+__all__ = ["PRIMITIVES", "ShapeFit", "choose_shape", "fit_shape"]
 
 # Parameters that a sphere pays more than it has. It is rarer than cylinders and cones, which have more: a chamfer or a fillet that is too
 # narrow to tell is no zone of a sphere; a compact patch may be.
 _SPHERE = {True: 1, False: 2}
 _HOLLOW, _NARROW = 0.03, 0.5
 _MANY = 500
-_PRIMITIVES: tuple[Kind, ...] = ("plane", "cylinder", "cone", "sphere", "torus")
+PRIMITIVES: tuple[Kind, ...] = ("plane", "cylinder", "cone", "sphere", "torus")
+"""The plainest first."""
 _OTHERS: tuple[Kind, ...] = ("extrusion", "revolution", "bspline")
 _ROUGHEST = 1.5
 
@@ -105,7 +106,7 @@ def choose_shape(points: ArrayLike, *, noise: float, kinds: Sequence[Kind] = KIN
     p, w = np.ascontiguousarray(everything[inside]), np.ones(int(inside.sum()))
     normals = None if normals is None else normals[inside]
     fits: list[tuple[ShapeFit, Residuals]] = []
-    for kind in _PRIMITIVES:
+    for kind in PRIMITIVES:
         if kind not in kinds:
             continue
         found = _try(kind, p, noise, normals)
