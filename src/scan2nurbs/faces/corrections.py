@@ -194,7 +194,7 @@ def _step(content: Any, where: str, path: Path) -> Step:
             raise InputError(f'{where}: "type" needs a "face" and a "kind" of {", ".join(KINDS)}.', path=path)
         return Step("type", (face,), kind=rest["kind"])
     if action == "tolerance":
-        value = rest.get("value")
+        value: Any = rest.get("value")
         if set(rest) != {"value"} or type(value) not in (int, float) or not 0 < value <= sys.float_info.max:
             raise InputError(f'{where}: "tolerance" needs a "face" and a "value" > 0 in the points\' unit.', path=path)
         return Step("tolerance", (face,), tolerance=float(value))

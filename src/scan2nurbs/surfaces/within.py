@@ -12,8 +12,16 @@ from scan2nurbs.surfaces.interior import interior
 from scan2nurbs.surfaces.shape import Floats, Kind
 from scan2nurbs.surfaces.shape_fit import ShapeFit, fit_shape, judge
 
-# From the simplest on; kinds of one group are chosen from by the criterion.
-_GROUPS: tuple[tuple[Kind, ...], ...] = (("plane",), ("cylinder", "cone", "sphere", "torus"), ("extrusion",), ("revolution",), ("bspline",))
+# From the simplest on. Spheres have a parameter fewer than cylinders and are rarer: the criterion tells them apart.
+_GROUPS: tuple[tuple[Kind, ...], ...] = (
+    ("plane",),
+    ("cylinder", "sphere"),
+    ("cone",),
+    ("torus",),
+    ("extrusion",),
+    ("revolution",),
+    ("bspline",),
+)
 
 
 def fit_within(points: Floats, *, noise: float, tolerance: float, kind: Kind | None = None) -> ShapeFit:
