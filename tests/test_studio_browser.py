@@ -217,6 +217,29 @@ def choose_relations(person: Person) -> None:
     person.done("surfaces")
 
 
+def test_the_control_net_of_a_face_is_seen_over_it(browser, studio):
+    context = browser.new_context(viewport={"width": 1280, "height": 720})
+    person = Person(context, studio.url)
+    page = person.page
+    person.done("scan")
+    person.go_on("edges")
+    person.go_on("faces")
+    page.click("button.face >> nth=0")
+    page.select_option("#face-kind", "bspline")
+    page.wait_for_selector("button.face:has-text('bspline_0')", timeout=60_000)
+    person.done("faces")
+    page.wait_for_selector("p:has-text('control points')")
+    person.go_on("surfaces")
+    before = person.picture()
+    page.check("#layer-nets")
+    net = person.picture() - before
+    green = (net[..., 1] > 0.2) & (net[..., 1] > net[..., 0] + 0.1)
+    assert green.sum() > 100
+    assert green.any(axis=0).sum() > 50  # no dot: a net
+    assert person.complaints == []
+    context.close()
+
+
 def take_away(person: Person, path: Path) -> Path:
     page = person.page
     page.click("#next")
