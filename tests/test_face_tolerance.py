@@ -83,6 +83,26 @@ def test_a_type_that_was_asked_for_stays_and_a_miss_is_told(points):
         fit_within(points[:2], noise=NOISE, tolerance=1.0)
 
 
+@pytest.mark.parametrize("tolerance", [1e-300, 1e300])
+@pytest.mark.parametrize("noise", [0.0, NOISE])
+@pytest.mark.parametrize("n", [12, 300])
+def test_no_tolerance_and_no_face_is_too_small_or_too_large(n, noise, tolerance):
+    fit = fit_within(wavy(n), noise=noise, tolerance=tolerance)
+    assert np.isfinite(fit.rms)
+    if tolerance > 1:
+        assert (fit.shape.kind, fit.notes) == ("plane", ())
+    forced = fit_within(wavy(n), noise=noise, tolerance=tolerance, kind="bspline")
+    assert (forced.shape.kind, forced.tolerance) == ("bspline", tolerance)
+    if noise == 0:
+        assert bool(fit.notes) == (tolerance < 1)
+
+
+def test_lengths_of_any_size_give_the_same(points):
+    few = points[::3]
+    plain, tiny = (fit_within(few * size, noise=NOISE * size, tolerance=0.1 * size) for size in (1.0, 1e-6))
+    assert n_control_points(plain) == n_control_points(tiny)
+
+
 def test_strays_do_not_decide_and_blocks_do(points):
     rng = np.random.default_rng(1)
     off = rng.normal(0, NOISE, len(points))

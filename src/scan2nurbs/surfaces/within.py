@@ -63,7 +63,7 @@ def fit_within(points: Floats, *, noise: float, tolerance: float, kind: Kind | N
         fits = [fit for kind in group if (fit := _try(kind, points, noise, tolerance)) is not None]
         good = [fit for fit in fits if _good(fit, inside, noise, tolerance)]
         if good:
-            sigma, weights = _sigma(noise, tolerance), np.ones(len(points))
+            sigma, weights = max(noise, _bounded(tolerance, points) / 3.0), np.ones(len(points))
             return min(good, key=lambda fit: judge(fit, points, weights, sigma).criterion)
         tried += fits
     if not tried:
@@ -73,8 +73,9 @@ def fit_within(points: Floats, *, noise: float, tolerance: float, kind: Kind | N
 
 def _fit(kind: Kind, points: Floats, noise: float, tolerance: float) -> ShapeFit:
     # A B-spline surface has both: where it follows the points, and how rough they are.
-    believed = noise if kind == "bspline" else _sigma(noise, tolerance)
-    return replace(fit_shape(kind, points, noise=believed, tolerance=tolerance), tolerance=tolerance)
+    bounded = _bounded(tolerance, points)
+    believed = noise if kind == "bspline" else max(noise, bounded / 3.0)
+    return replace(fit_shape(kind, points, noise=believed, tolerance=bounded), tolerance=tolerance)
 
 
 def _try(kind: Kind, points: Floats, noise: float, tolerance: float) -> ShapeFit | None:
@@ -92,5 +93,6 @@ def _told(fit: ShapeFit, note: str) -> ShapeFit:
     return replace(fit, notes=(*fit.notes, note))
 
 
-def _sigma(noise: float, tolerance: float) -> float:
-    return max(noise, tolerance / 3.0)
+def _bounded(tolerance: float, points: Floats) -> float:
+    # Beyond the extent of the points a tolerance says no more, and its square may overflow.
+    return min(tolerance, max(float(np.ptp(points, axis=0).max()), 1e-300))
