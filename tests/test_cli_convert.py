@@ -118,6 +118,23 @@ def test_relations_are_listed_with_what_they_moved(record):
         assert relation["between"].count("_") == 2
 
 
+def test_a_config_says_which_relations(scan, tmp_path, capsys):
+    config = tmp_path / "config.toml"
+    config.write_text('[relations]\nkinds = ["perpendicular"]\nangle = 1\n', encoding="utf-8")
+    assert run("convert", scan, "--config", config, "--quiet", "--json") == 0
+    found = json.loads(capsys.readouterr().out)
+    assert {relation["kind"] for relation in found["relations"]} == {"perpendicular"}
+    assert found["parameters"]["relations"] == {"kinds": ["perpendicular"], "angle": 1.0, "length": 0.1, "max_rise": 0.25}
+    assert found["parameters"]["part"]["relations"] is True
+    assert run("convert", scan, "--config", config, "--no-relations", "--quiet", "--json") == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["relations"] == []
+    assert found["parameters"]["part"]["relations"] is False
+    config.write_text('[relations]\nkinds = ["friendly"]\n', encoding="utf-8")
+    assert run("convert", scan, "--config", config, "--quiet") == 2
+    assert "section 'relations'" in capsys.readouterr().err
+
+
 def test_edges_lie_on_both_faces(record):
     edges = record["edges"]
     assert len(edges) == 14

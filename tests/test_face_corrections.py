@@ -43,6 +43,13 @@ def test_a_number_never_passes_to_another_face(tmp_path):
     assert result.forced == {2: "cylinder"}
 
 
+def test_a_tolerance_goes_with_its_number(tmp_path):
+    given = [{"tolerance": {"face": face, "value": value}} for face, value in ((1, 0.5), (2, 1), (3, 2.0), (1, 0.25))]
+    result = done(tmp_path, [*given, {"merge": [1, 2]}, {"delete": 3}, {"type": {"face": 1, "kind": "plane"}}])
+    assert result.tolerances == {1: 0.25}
+    assert result.forced == {1: "plane"}
+
+
 def test_assigning_moves_points_to_a_face_or_to_none(tmp_path):
     result = done(tmp_path, [{"assign": {"face": 0, "indices": [3]}}, {"assign": {"face": -1, "indices": [0]}}])
     assert result.label.tolist() == [-1, 0, 0, 0, 1, 1, 2, 2, 2, 3, 3, 3]
@@ -81,6 +88,23 @@ def test_merging_changes_no_other_face(tmp_path_factory, pairs):
         ([{"delete": 2}, {"delete": 2}], "Step 2 .delete.: there is no face 2"),
         ([{"delete": True}], "must be a number as the report has it"),
         ([{"type": {"face": 1, "kind": "cube"}}], 'needs a "face" and a "kind"'),
+        *[
+            ([{"tolerance": said}], 'Step 1: "tolerance" needs a "face" and a "value" > 0')
+            for said in (
+                {"face": 1},
+                {"face": 1, "value": 0},
+                {"face": 1, "value": -0.1},
+                {"face": 1, "value": True},
+                {"face": 1, "value": "0.1"},
+                {"face": 1, "value": float("nan")},
+                {"face": 1, "value": float("inf")},
+                {"face": 1, "value": 10**400},
+                {"face": 1, "value": 0.1, "kind": "plane"},
+            )
+        ],
+        ([{"tolerance": 0.1}], 'must be an object that names a "face"'),
+        ([{"tolerance": {"value": 0.1}}], "must be a number as the report has it"),
+        ([{"delete": 2}, {"tolerance": {"face": 2, "value": 0.1}}], "Step 2 .tolerance.: there is no face 2"),
         ([{"type": 1}], 'must be an object that names a "face"'),
         ([{"split": {"face": 0, "indices": [5]}}], "does not divide face 0"),
         ([{"split": {"face": 0, "indices": [0, 1, 2]}}], "does not divide face 0"),

@@ -90,6 +90,9 @@ class Person:
         return self.page.evaluate("studio.selection.count")
 
 
+RELATIONS_MADE = "Number(studio.store.result('surfaces').figures.find((figure) => figure.label.startsWith('Relations')).value)"
+
+
 def n_edits(n: int, done: int) -> str:
     return f"studio.store.state.edits.length === {n} && studio.store.state.edits.filter((edit) => edit.done).length === {done}"
 
@@ -116,8 +119,10 @@ def test_from_a_scan_to_a_step_file(browser, studio, tmp_path):
     other = Person(context, studio.origin)  # a second tab
     other.done("faces")
     split_a_face(person, other)
+    give_a_tolerance(person)
 
     person.go_on("surfaces")
+    choose_relations(person)
     person.go_on("model")
     model_picture = person.picture()
     assert model_picture.std() > 0.05
@@ -180,6 +185,59 @@ def split_a_face(person: Person, other: Person) -> None:
     page.click("#face-split")
     person.wait(f"studio.store.entries().length === {n_faces + 1} && studio.store.status('faces') === 'current'")
     other.wait(f"studio.store.entries().length === {n_faces + 1}")
+
+
+def give_a_tolerance(person: Person) -> None:
+    page = person.page
+    assert page.locator("#face-tolerance").is_enabled()  # a face is chosen
+    page.fill("#face-tolerance", "-1")
+    page.keyboard.press("Enter")
+    assert page.input_value("#face-tolerance") == ""  # what is none goes away
+    n = page.evaluate("studio.store.state.edits.length")
+    page.fill("#face-tolerance", "0.4")
+    page.keyboard.press("Enter")
+    person.wait(n_edits(n + 1, n + 1))
+    person.done("faces")
+    assert page.input_value("#face-tolerance") == "0.4"
+    page.wait_for_selector("p:has-text('tolerance 0.4 mm')")
+
+
+def choose_relations(person: Person) -> None:
+    page = person.page
+    n = page.evaluate("studio.store.state.edits.length")
+    made = page.evaluate(RELATIONS_MADE)
+    page.click("summary:has-text('More parameters')")
+    page.uncheck("label:has-text('perpendicular') input")
+    person.wait(n_edits(n + 1, n + 1))
+    person.done("surfaces")
+    assert 0 < page.evaluate(RELATIONS_MADE) < made
+    page.fill("[id='field-relations.angle']", "0.2")
+    page.keyboard.press("Enter")
+    person.wait(n_edits(n + 2, n + 2))
+    person.done("surfaces")
+
+
+def test_the_control_net_of_a_face_is_seen_over_it(browser, studio):
+    context = browser.new_context(viewport={"width": 1280, "height": 720})
+    person = Person(context, studio.url)
+    page = person.page
+    person.done("scan")
+    person.go_on("edges")
+    person.go_on("faces")
+    page.click("button.face >> nth=0")
+    page.select_option("#face-kind", "bspline")
+    page.wait_for_selector("button.face:has-text('bspline_0')", timeout=60_000)
+    person.done("faces")
+    page.wait_for_selector("p:has-text('control points')")
+    person.go_on("surfaces")
+    before = person.picture()
+    page.check("#layer-nets")
+    net = person.picture() - before
+    green = (net[..., 1] > 0.2) & (net[..., 1] > net[..., 0] + 0.1)
+    assert green.sum() > 100
+    assert green.any(axis=0).sum() > 50  # no dot: a net
+    assert person.complaints == []
+    context.close()
 
 
 def take_away(person: Person, path: Path) -> Path:

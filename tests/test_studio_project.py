@@ -25,6 +25,7 @@ from scan2nurbs.studio.edits import describe_edit, replay, step_of
 from scan2nurbs.studio.live import moved
 from scan2nurbs.studio.project import FILE, Project, create_project, open_project
 from scan2nurbs.studio.stages import Reached, Stages
+from scan2nurbs.surfaces.relations import RelationParams
 
 EDITS = [
     {"set": {"stage": "edges", "name": "threshold", "value": 15}},
@@ -32,7 +33,11 @@ EDITS = [
     {"boundary": {"drop": {"lassos": [{"view": "xy", "polygon": [[0, 0], [8, 0], [4, 6]]}]}}},
     {"face": {"merge": [0, 1]}},
     {"face": {"type": {"face": 0, "kind": "bspline"}}},
+    {"face": {"tolerance": {"face": 0, "value": 0.25}}},
     {"set": {"stage": "segment", "name": "keep_types", "value": ["plane", "cylinder"]}},
+    {"set": {"stage": "relations", "name": "kinds", "value": ["parallel", "tangent"]}},
+    {"set": {"stage": "relations", "name": "angle", "value": 1}},
+    {"set": {"stage": "relations", "name": "relations", "value": False}},
     {"set": {"stage": "topology", "name": "fill_holes", "value": True}},
     {"set": {"stage": "scan", "name": "unit", "value": "cm"}},
 ]
@@ -49,7 +54,9 @@ def test_edits_amount_to_parameters():
     assert plan.params.edges.threshold == 15.0
     assert [step.action for step in plan.params.boundary] == ["add", "drop"]
     assert plan.params.corrections is not None
-    assert [step.action for step in plan.params.corrections.steps] == ["merge", "type"]
+    assert [step.action for step in plan.params.corrections.steps] == ["merge", "type", "tolerance"]
+    assert plan.params.relation_params == RelationParams(kinds=("parallel", "tangent"), angle=1.0)
+    assert not plan.params.relations
     assert plan.params.segment.keep_types == ("plane", "cylinder")
     assert plan.params.topology.fill_holes
 
@@ -74,11 +81,16 @@ def test_only_steps_that_follow_from_an_edit_get_another_key():
         {"set": {"stage": "os", "name": "system", "value": 1}},
         {"set": {"stage": "scan", "name": "unit", "value": "furlong"}},
         {"set": {"stage": "relations", "name": "relations", "value": 1}},
+        {"set": {"stage": "relations", "name": "kinds", "value": ["friendly"]}},
+        {"set": {"stage": "relations", "name": "kinds", "value": [[1]]}},
+        {"set": {"stage": "relations", "name": "angle", "value": -1}},
+        {"set": {"stage": "relations", "name": "max_rise", "value": float("nan")}},
         {"set": {"stage": "segment", "name": "keep_types", "value": [[1]]}},
         {"boundary": {"keep": {"indices": [1]}}},
         {"boundary": {"add": {"indices": [-1]}}},
         {"face": {"explode": 3}},
         {"face": {"merge": [1]}},
+        {"face": {"tolerance": {"face": 1, "value": 0}}},
         {"face": {"split": {"face": 0, "lassos": [{"view": "xy", "polygon": [[0, 0]]}]}}},
     ],
 )
@@ -94,7 +106,8 @@ def test_every_edit_is_described():
     assert said[0] == "Threshold: 15"
     assert said[1] == "Add to the boundary: 2 points"
     assert said[2] == "Take from the boundary: a lasso"
-    assert said[3:5] == ["Merge faces 0, 1", "Face 0 is a bspline"]
+    assert said[3:6] == ["Merge faces 0, 1", "Face 0 is a bspline", "Tolerance of face 0: 0.25"]
+    assert "Kinds: parallel, tangent" in said
 
 
 @given(st.lists(st.sampled_from([*EDITS, "undo", "redo"]), max_size=12))

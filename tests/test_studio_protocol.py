@@ -18,6 +18,7 @@ from scan2nurbs.studio.messages import Compute, Edit, Trouble, Undo
 from scan2nurbs.studio.sources import RECORD, SOURCES, record
 from scan2nurbs.studio.typescript import typescript
 from scan2nurbs.studio.wire import from_text, to_text
+from scan2nurbs.surfaces.relations import RELATIONS
 
 JSON = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(), lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner)
@@ -99,6 +100,8 @@ def test_forms_explain_every_parameter():
     assert (by_name["segment.min_points"].low, by_name["segment.min_points"].kind) == (6.0, "integer")
     assert by_name["segment.tolerance"].unit == "unit"
     assert by_name["topology.fill_holes"].kind == "flag"
+    assert (by_name["relations.angle"].low, by_name["relations.angle"].unit, by_name["relations.angle"].step) == (0.0, "°", "surfaces")
+    assert (by_name["relations.kinds"].kind, tuple(by_name["relations.kinds"].choices)) == ("choices", RELATIONS)
     assert "cylinder" in by_name["segment.keep_types"].choices
     assert {field.step for field in fields} == {"scan", "edges", "faces", "surfaces", "model"}
 

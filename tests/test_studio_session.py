@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from pathlib import Path
 
@@ -23,15 +24,18 @@ def scan(tmp_path) -> Path:
 
 
 def figures(state: dict, step: str) -> dict[str, str]:
-    result = next(entry for entry in state["steps"] if entry["step"] == step)["result"]
-    return {figure["label"]: figure["value"] for figure in result["figures"]}
+    return {figure["label"]: figure["value"] for figure in result(state, step)["figures"]}
+
+
+def result(state: dict, step: str) -> dict:
+    return next(entry for entry in state["steps"] if entry["step"] == step)["result"]
 
 
 def edit(page, **content) -> None:
     say(page, "Edit", edit=content)
 
 
-def test_corrections_survive_a_kill_and_give_the_file_of_the_command_line(scan):
+def test_corrections_survive_a_kill_and_give_the_file_of_the_command_line(scan, capfd):
     studio = Studio(scan)
     with studio.page() as page, studio.page() as other:
         say(page, "Compute", until="faces")
@@ -48,7 +52,11 @@ def test_corrections_survive_a_kill_and_give_the_file_of_the_command_line(scan):
         say(page, "Redo")
         hear(page, "State", lambda state: not state["can_redo"] and is_current("faces")(state))
         edit(page, boundary={"drop": {"indices": [1, 2, 3]}})
-        hear(page, "State", lambda state: len(state["edits"]) == 2)
+        edit(page, face={"tolerance": {"face": 0, "value": 0.5}})
+        edit(page, set={"stage": "relations", "name": "kinds", "value": ["parallel"]})
+        state = hear(page, "State", lambda state: len(state["edits"]) == 4)
+        assert state["values"]["relations.kinds"] == ["parallel"]
+        assert state["values"]["relations.relations"] is True
         say(page, "Compute", until="model")
         hear(page, "State", lambda state: state["running"] == "model")
         studio.kill()  # in the middle of a computation
@@ -57,12 +65,14 @@ def test_corrections_survive_a_kill_and_give_the_file_of_the_command_line(scan):
     try:
         with studio.page() as page:
             state = hear(page, "State")
-            assert [entry["done"] for entry in state["edits"]] == [True, True]
+            assert [entry["done"] for entry in state["edits"]] == [True] * 4
             say(page, "Export", kind="step")
             state = hear(page, "State", lambda state: bool(state["files"]) and state["running"] is None)
             assert state["files"][0]["name"] == "step.step"
             assert state["files"][0]["current"]
             assert figures(state, "model")["Check"] == "valid"
+            tolerances = {face["number"]: face["tolerance"] for face in result(state, "model")["faces"]}
+            assert tolerances == dict.fromkeys(range(len(tolerances))) | {0: 0.5}
             status, _, exported = studio.ask("GET", "/files/step.step", Cookie=studio.cookie())
             assert status == 200
     finally:
@@ -70,9 +80,12 @@ def test_corrections_survive_a_kill_and_give_the_file_of_the_command_line(scan):
     again = scan.parent / "again" / "step.step"
     again.parent.mkdir()
     with pytest.raises(SystemExit) as ended:
-        main(["convert", "--project", f"{scan}.s2n", "-o", str(again), "--quiet"])
+        main(["convert", "--project", f"{scan}.s2n", "-o", str(again), "--quiet", "--json"])
     assert not ended.value.code
     assert again.read_bytes() == exported
+    record = json.loads(capfd.readouterr().out)
+    assert {relation["kind"] for relation in record["relations"]} == {"parallel"}
+    assert record["parameters"]["relations"]["kinds"] == ["parallel"]
 
 
 def test_a_computation_can_be_stopped_and_troubles_are_sentences(scan):

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from scan2nurbs.scale import Scale
     from scan2nurbs.surfaces.bspline import BSplineSurface
     from scan2nurbs.surfaces.fit import FitParams, SurfaceFit
+    from scan2nurbs.surfaces.relations import RelationParams
 
 __version__ = "0.1.0"
 
@@ -45,12 +46,14 @@ _HOMES = {
     "scale": ("Scale",),
     "surfaces.bspline": ("BSplineSurface",),
     "surfaces.fit": ("FitParams", "SurfaceFit"),
+    "surfaces.relations": ("RelationParams",),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
 __all__ = [  # noqa: RUF022 - in the order in which a user meets them
     "detect_edges", "fit_surface", "measure", "reconstruct", "reconstruct_surface", "segment",
-    "BoundaryParams", "EdgeParams", "FitParams", "PartParams", "RegionParams", "SegmentParams", "SurfaceParams", "TopologyParams",
+    "BoundaryParams", "EdgeParams", "FitParams", "PartParams", "RegionParams", "RelationParams", "SegmentParams",
+    "SurfaceParams", "TopologyParams",
     "BSplineSurface", "Edges", "FaceCorrections", "Faces", "Model", "PointCloud", "Scale", "SurfaceFit", "SurfaceModel",
     "as_cloud", "read_face_corrections", "set_threads",
     "InputError", "MissingExtraError", "NoResultError", "OutputError", "ParameterError", "Scan2NurbsError",

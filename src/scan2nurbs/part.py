@@ -27,7 +27,7 @@ from scan2nurbs.part_report import part_report
 from scan2nurbs.report.colours import face_colours
 from scan2nurbs.report.record import Stopwatch
 from scan2nurbs.scale import Scale, measure_scale, require_surface
-from scan2nurbs.surfaces.relations import Related, impose_relations
+from scan2nurbs.surfaces.relations import Related, RelationParams, impose_relations
 from scan2nurbs.surfaces.shape import Shape
 
 Result = TypeVar("Result")
@@ -64,6 +64,8 @@ class PartParams:
         Corrections of the faces by hand.
     relations : bool
         Whether faces that are parallel, coaxial, tangent, … within their uncertainty are made so exactly.
+    relation_params : RelationParams
+        Which of these relations, and what is close enough.
     topology : TopologyParams
         How the faces' common borders are found.
     model : ModelParams
@@ -75,6 +77,7 @@ class PartParams:
     boundary: tuple[BoundaryStep, ...] = ()
     corrections: FaceCorrections | None = None
     relations: bool = True
+    relation_params: RelationParams = field(default_factory=RelationParams)
     topology: TopologyParams = field(default_factory=TopologyParams)
     model: ModelParams = field(default_factory=ModelParams)
 
@@ -167,10 +170,11 @@ def reconstruct(
     points, scale, faces = parted.cloud.points, parted.scale, parted.faces
     related = None
     if params.relations:
+        given = params.relation_params
         related = do(
             "relations",
-            None,
-            lambda: impose_relations(points, faces.label, faces.fits, noise=scale.noise, h=scale.h, smooth=faces.smooth),
+            given,
+            lambda: impose_relations(points, faces.label, faces.fits, noise=scale.noise, h=scale.h, smooth=faces.smooth, params=given),
         )
         parted = replace(parted, faces=replace(faces, fits=related.fits))
     fits = parted.faces.fits

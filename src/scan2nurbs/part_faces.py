@@ -17,6 +17,7 @@ from scan2nurbs.faces.segmentation import Faces
 from scan2nurbs.faces.topology import Topology
 from scan2nurbs.scale import Scale
 from scan2nurbs.surfaces.shape_fit import ShapeFit, choose_shape, fit_shape
+from scan2nurbs.surfaces.within import fit_within
 
 
 @dataclass(frozen=True)
@@ -80,7 +81,7 @@ def _selected(cloud: PointCloud, selection: Selection) -> NDArray[np.bool_]:
 
 
 def corrected(parted: Parted, corrections: FaceCorrections) -> Parted:
-    """Do corrections by hand; faces whose points or kind they change are fitted anew."""
+    """Do corrections by hand; faces whose points, kind or tolerance they change are fitted anew."""
     cloud, faces, noise = parted.cloud, parted.faces, parted.scale.noise
     done = apply_face_corrections(faces.label, corrections, lambda selection: _selected(cloud, selection))
     numbers = np.unique(done.label[done.label >= 0])
@@ -88,7 +89,9 @@ def corrected(parted: Parted, corrections: FaceCorrections) -> Parted:
     fits = []
     for number in numbers.tolist():
         points = cloud.points[done.label == number]
-        if number in done.forced:
+        if number in done.tolerances:
+            fits.append(fit_within(points, noise=noise, tolerance=done.tolerances[number], kind=done.forced.get(number)))
+        elif number in done.forced:
             fits.append(fit_shape(done.forced[number], points, noise=noise))
         else:
             fits.append(choose_shape(points, noise=noise) if number in done.changed else faces.fits[number])

@@ -72,6 +72,7 @@ def face_records(parted: Parted, fits: tuple[ShapeFit, ...], deviation: NDArray[
                 "p95": float(np.quantile(off, 0.95)) if len(off) else None,
                 "max": float(off.max()) if len(off) else None,
                 "n_control_points": _n_control_points(fit),
+                "tolerance": fit.tolerance,
                 "area": None if part is None or k >= len(part.faces) else part.faces[k].area,
                 "trimmed": None if part is None else part.faces[k].trimmed if k < len(part.faces) else "lost",
                 "shape": shape,

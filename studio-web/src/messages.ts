@@ -35,6 +35,8 @@ export interface FaceEntry {
   n_points: number;
   rms: number | null;
   largest: number | null;
+  tolerance: number | null;
+  n_control_points: number | null;
   colour: number[];
   notes: string[];
 }

@@ -14,6 +14,7 @@ from scan2nurbs.faces.corrections import FaceCorrections, read_face_corrections
 from scan2nurbs.faces.segmentation import SegmentParams
 from scan2nurbs.faces.topology import TopologyParams
 from scan2nurbs.part import PartParams
+from scan2nurbs.surfaces.relations import RelationParams
 from scan2nurbs.surfaces.shape import KINDS, Kind
 
 
@@ -42,10 +43,11 @@ PART = Stage(
     params=PartParams,
     panel="Finding faces",
     shown=frozenset({"corrections"}),
-    nested=frozenset({"edges", "boundary", "segment", "topology", "model"}),
+    nested=frozenset({"edges", "boundary", "segment", "relation_params", "topology", "model"}),
     parse={"corrections": read_face_corrections},
     metavars={"corrections": "FILE"},
 )
+RELATIONS = Stage(section="relations", params=RelationParams, panel="Building the model", shown=frozenset())
 TOPOLOGY = Stage(section="topology", params=TopologyParams, panel="Building the model", shown=frozenset({"fill_holes"}))
 MODEL = Stage(section="model", params=ModelParams, panel="Building the model", shown=frozenset())
 RELATED = Stage(
@@ -56,7 +58,7 @@ RELATED = Stage(
     nested=PART.nested,
 )
 FACE_STAGES = (EDGES, SEGMENT, PART)
-STAGES = (*FACE_STAGES, RELATED, TOPOLOGY, MODEL)
+STAGES = (*FACE_STAGES, RELATED, RELATIONS, TOPOLOGY, MODEL)
 
 
 def part_params(given: Given, config: Config, stages: tuple[Stage, ...]) -> PartParams:
@@ -66,13 +68,15 @@ def part_params(given: Given, config: Config, stages: tuple[Stage, ...]) -> Part
         return parameters(stage, given, config, given.common.config) if stage in stages else stage.params()
 
     own = given.of(RELATED) if RELATED in stages else {}
-    nested = {"edges": made(EDGES), "segment": made(SEGMENT), "topology": made(TOPOLOGY), "model": made(MODEL)}
+    nested = {"edges": made(EDGES), "segment": made(SEGMENT), "relation_params": made(RELATIONS)}
+    nested |= {"topology": made(TOPOLOGY), "model": made(MODEL)}
     return parameters(PART, given, config, given.common.config, **own, **nested)
 
 
 def effective(params: PartParams) -> dict[str, dict[str, Any]]:
     """Return all parameters by section, as a config file would hold them."""
-    used = ((EDGES, params.edges), (SEGMENT, params.segment), (PART, params), (TOPOLOGY, params.topology), (MODEL, params.model))
+    used = ((EDGES, params.edges), (SEGMENT, params.segment), (PART, params), (RELATIONS, params.relation_params))
+    used += ((TOPOLOGY, params.topology), (MODEL, params.model))
     record = {stage.section: {key: getattr(value, key) for key in stage.names()} for stage, value in used}
     record["part"]["corrections"] = None if params.corrections is None else params.corrections.source
     return record

@@ -5,6 +5,7 @@ The file is JSON: a list of steps, each an object with one key, done in their or
     [
       {"merge": [3, 7]},
       {"type": {"face": 5, "kind": "cylinder"}},
+      {"tolerance": {"face": 5, "value": 0.1}},
       {"split": {"face": 2, "lassos": [{"view": "xy", "polygon": [[0, 0], [8, 0], [4, 6]]}]}},
       {"assign": {"face": 4, "boxes": [{"min": [0, 0, 0], "max": [1, 1, 1]}]}},
       {"delete": 9}
@@ -12,11 +13,14 @@ The file is JSON: a list of steps, each an object with one key, done in their or
 
 Faces go by the numbers of the report. A number never passes to another face: faces that are merged keep the number that is named first,
 what is split off gets the next free number, numbers of faces that are gone stay unused. ``assign`` gives points to a face, and to none
-where the face is −1. Points are named as in a selection: by ``indices`` (row numbers of the input), ``boxes`` and ``lassos``.
+where the face is −1. A tolerance, in the points' unit, is how far the surface of a face may lie from its points besides their noise: the
+surface is as simple as that allows, or of the type that was asked for. Points are named as in a selection: by ``indices`` (row numbers of
+the input), ``boxes`` and ``lassos``.
 """
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,7 +35,7 @@ from scan2nurbs.surfaces.shape import KINDS, Kind
 
 Selector = Callable[[Selection], NDArray[np.bool_]]
 WHAT = "file of corrections"
-Action = Literal["merge", "type", "split", "assign", "delete"]
+Action = Literal["merge", "type", "tolerance", "split", "assign", "delete"]
 
 
 @dataclass(frozen=True)
@@ -41,11 +45,13 @@ class Step:
     Attributes
     ----------
     action : str
-        "merge", "type", "split", "assign" or "delete".
+        "merge", "type", "tolerance", "split", "assign" or "delete".
     faces : tuple of int
         The numbers of the faces it is about.
     kind : str, optional
         For "type".
+    tolerance : float, optional
+        For "tolerance"; in the points' unit, > 0.
     points : Selection, optional
         For "split" and "assign".
     """
@@ -53,6 +59,7 @@ class Step:
     action: Action
     faces: tuple[int, ...]
     kind: Kind | None = None
+    tolerance: float | None = None
     points: Selection | None = None
 
 
@@ -76,11 +83,14 @@ class Numbered:
         Faces whose points are no longer those that their surface was fitted to.
     forced : dict of int to str
         Kinds that were asked for.
+    tolerances : dict of int to float
+        Tolerances that were asked for.
     """
 
     label: NDArray[np.int32]
     changed: frozenset[int]
     forced: dict[int, Kind]
+    tolerances: dict[int, float]
 
 
 def apply_face_corrections(label: NDArray[np.int32], corrections: FaceCorrections, selected: Selector) -> Numbered:
@@ -105,7 +115,8 @@ def apply_face_corrections(label: NDArray[np.int32], corrections: FaceCorrection
         work.do(step, f"Step {number} ({step.action})")
     present = {int(face) for face in np.unique(work.label)} - {-1}
     forced: dict[int, Kind] = {face: kind for face, kind in work.forced.items() if face in present}
-    return Numbered(work.label, frozenset(work.changed & present), forced)
+    tolerances = {face: value for face, value in work.tolerances.items() if face in present}
+    return Numbered(work.label, frozenset(work.changed & present), forced, tolerances)
 
 
 class _Work:
@@ -115,6 +126,7 @@ class _Work:
         self.label, self.source, self.selected = label, source, selected
         self.changed: set[int] = set()
         self.forced: dict[int, Kind] = {}
+        self.tolerances: dict[int, float] = {}
         self.free = int(label.max(initial=-1)) + 1
 
     def do(self, step: Step, where: str) -> None:
@@ -129,6 +141,8 @@ class _Work:
             self.label[self.label == first] = -1
         elif step.kind is not None:
             self.forced[first] = step.kind
+        elif step.tolerance is not None:
+            self.tolerances[first] = step.tolerance
         elif step.points is not None:
             chosen = self.selected(step.points)
             if step.action == "split":
@@ -179,6 +193,11 @@ def _step(content: Any, where: str, path: Path) -> Step:
         if set(rest) != {"kind"} or rest["kind"] not in KINDS:
             raise InputError(f'{where}: "type" needs a "face" and a "kind" of {", ".join(KINDS)}.', path=path)
         return Step("type", (face,), kind=rest["kind"])
+    if action == "tolerance":
+        value: Any = rest.get("value")
+        if set(rest) != {"value"} or type(value) not in (int, float) or not 0 < value <= sys.float_info.max:
+            raise InputError(f'{where}: "tolerance" needs a "face" and a "value" > 0 in the points\' unit.', path=path)
+        return Step("tolerance", (face,), tolerance=float(value))
     return Step(action, (face,), points=selection_from(rest, path))
 
 

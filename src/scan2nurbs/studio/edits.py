@@ -33,6 +33,7 @@ from scan2nurbs.part import PartParams
 from scan2nurbs.part_faces import BoundaryStep
 from scan2nurbs.report.record import plain
 from scan2nurbs.studio.messages import STEPS, Step
+from scan2nurbs.surfaces.relations import RelationParams
 
 Json = dict[str, Any]
 
@@ -40,11 +41,11 @@ STAGES: dict[str, tuple[type | None, Step]] = {
     "scan": (None, "scan"),
     "edges": (EdgeParams, "edges"),
     "segment": (SegmentParams, "faces"),
-    "relations": (None, "surfaces"),
+    "relations": (RelationParams, "surfaces"),
     "topology": (TopologyParams, "surfaces"),
     "model": (ModelParams, "model"),
 }
-"""For each group of parameters its dataclass and the step that it belongs to; the unit and the relations stand alone."""
+"""For each group of parameters its dataclass and the step that it belongs to; the unit and whether there are relations stand alone."""
 
 _CORRECTIONS = Path("corrections.json")
 
@@ -56,6 +57,10 @@ class Plan:
     params: PartParams
     unit: str | None
 
+    def of(self, stage: str) -> Any:
+        """Return the parameters of a stage that has a dataclass in `STAGES`."""
+        return self.params.relation_params if stage == "relations" else getattr(self.params, stage)
+
     def key(self, step: Step) -> str:
         """Return what the result of a step follows from, as a short text: equal keys, equal results."""
         params = self.params
@@ -65,7 +70,7 @@ class Plan:
         if STEPS.index(step) >= 2:
             parts += [params.segment, params.corrections]
         if STEPS.index(step) >= 3:
-            parts += [params.relations, params.topology]
+            parts += [params.relations, params.relation_params, params.topology]
         if STEPS.index(step) >= 4:
             parts += [params.model]
         text = json.dumps(plain([_without_infinity(part) for part in parts]), sort_keys=True)
@@ -97,13 +102,13 @@ def replay(edits: Sequence[Json]) -> Plan:
             boundary.append(BoundaryStep("add" if action == "add" else "drop", replace(selection_from(points, _CORRECTIONS), source=None)))
         else:
             steps.append(said)
+    relations = values["relations"].pop("relations", True)
     try:
         made = {stage: params(**values[stage]) for stage, (params, _) in STAGES.items() if params is not None}
     except TypeError as error:
         raise ParameterError(f"A parameter has a value of the wrong type: {error}.") from error
-    params = PartParams(
-        **made, relations=values["relations"].get("relations", True), boundary=tuple(boundary), corrections=_face_corrections(steps)
-    )
+    made["relation_params"] = made.pop("relations")
+    params = PartParams(**made, relations=relations, boundary=tuple(boundary), corrections=_face_corrections(steps))
     return Plan(params, values["scan"].get("unit"))
 
 
@@ -134,6 +139,8 @@ def _describe_step(action: str, content: Any) -> str:
     face = content["face"]
     if action == "type":
         return f"Face {face} is a {content['kind']}"
+    if action == "tolerance":
+        return f"Tolerance of face {face}: {content['value']:.4g}"
     verb = "Split face" if action == "split" else "Give points to face"
     return f"{'Give points to no face' if face == -1 else f'{verb} {face}'}: {_extent({**content, 'face': None})}"
 
@@ -162,8 +169,8 @@ def _setting(said: Any) -> tuple[str, str, Any]:
         if name != "unit" or not (value is None or (isinstance(value, str) and value in UNITS)):
             raise ParameterError(f"The unit must be one of {', '.join(UNITS)}.")
         return stage, name, value
-    if stage == "relations":
-        if name != "relations" or not isinstance(value, bool | None):
+    if (stage, name) == ("relations", "relations"):
+        if not isinstance(value, bool | None):
             raise ParameterError("The relations must be on or off.")
         return stage, name, value is not False
     return stage, name, _value(stage, name, value)

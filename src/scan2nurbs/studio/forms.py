@@ -11,9 +11,12 @@ from scan2nurbs.cloud import UNITS
 from scan2nurbs.described import bare_type, describe
 from scan2nurbs.studio.edits import STAGES
 from scan2nurbs.studio.messages import FieldKind, FormField
+from scan2nurbs.surfaces.relations import RELATIONS
 from scan2nurbs.surfaces.shape import KINDS
 
 _CHOICES = {("edges", "operator"): ["auto", "crease", "one-sided", "dn", "vdn", "edn"], ("segment", "keep_types"): list(KINDS)}
+_CHOICES |= {("relations", "kinds"): list(RELATIONS)}
+_WHOSE = {"relations": " of relations"}  # what the names of parameters leave open where two stages share a form
 _COMMON = {("edges", "operator"), ("edges", "threshold"), ("segment", "tolerance"), ("segment", "max_faces"), ("segment", "keep_types")}
 _COMMON |= {("topology", "fill_holes")}
 _UNITS = (("in h²", "h²"), ("in h", "h"), ("in local spacings", "spacings"), ("in degrees", "°"), ("in the cloud's unit", "unit"))
@@ -50,7 +53,7 @@ def form_fields() -> list[FormField]:
         automatic=False,
     )
     made = {stage: _stage_fields(stage) for stage, (params, _) in STAGES.items() if params is not None}
-    return [unit, *made["edges"], *made["segment"], relations, *made["topology"], *made["model"]]
+    return [unit, *made["edges"], *made["segment"], relations, *made["relations"], *made["topology"], *made["model"]]
 
 
 def _stage_fields(stage: str) -> list[FormField]:
@@ -67,7 +70,7 @@ def _stage_fields(stage: str) -> list[FormField]:
                 stage=stage,
                 name=field.name,
                 step=step,
-                label=field.name.replace("_", " ").capitalize(),
+                label=field.name.replace("_", " ").capitalize() + _WHOSE.get(stage, ""),
                 kind=kind,
                 help=_sentence(field.metadata.get("help") or text),
                 unit=_unit(field, text),

@@ -43,7 +43,10 @@ class FormField:
 
 @dataclass(frozen=True, kw_only=True)
 class FaceEntry:
-    """A face: its number, which never passes to another one, its type, its surface's parameters and deviations in the scan's unit."""
+    """A face: its number, which never passes to another one, its type, its surface's parameters and deviations in the scan's unit.
+
+    `tolerance` is the one that the face was given by hand, `n_control_points` that of a B-spline.
+    """
 
     number: int
     name: str
@@ -52,6 +55,8 @@ class FaceEntry:
     n_points: int
     rms: float | None
     largest: float | None
+    tolerance: float | None
+    n_control_points: int | None
     colour: list[float]
     notes: list[str]
 

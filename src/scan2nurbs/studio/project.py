@@ -27,7 +27,7 @@ from typing import Any
 from scan2nurbs.errors import InputError, OutputError, ParameterError
 from scan2nurbs.io.atomic import atomic_path
 from scan2nurbs.report.record import to_json
-from scan2nurbs.studio.edits import Json, Plan, replay
+from scan2nurbs.studio.edits import STAGES, Json, Plan, replay
 from scan2nurbs.studio.messages import STEPS, Step
 
 SCHEMA = "scan2nurbs/project/1"
@@ -94,7 +94,7 @@ class Project:
             "done": self.done,
             "reached": self.reached,
             "exports": self.exports,
-            "parameters": {"unit": plan.unit, **_parameters(plan)},
+            "parameters": _parameters(plan),
         }
         with atomic_path(self.folder / FILE) as temporary, temporary.open("w", encoding="utf-8") as stream:
             stream.write(to_json(content))
@@ -189,14 +189,8 @@ def _parsed(content: Any, folder: Path, path: Path) -> Project:
 
 
 def _parameters(plan: Plan) -> dict[str, Any]:
-    params = plan.params
-    return {
-        "edges": params.edges,
-        "segment": params.segment,
-        "relations": params.relations,
-        "topology": params.topology,
-        "model": params.model,
-    }
+    stages = {stage: plan.of(stage) for stage, (params, _) in STAGES.items() if params is not None}
+    return {"unit": plan.unit, "part": {"relations": plan.params.relations}, **stages}
 
 
 def _relative(path: Path, folder: Path) -> str:

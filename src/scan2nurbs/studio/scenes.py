@@ -207,6 +207,8 @@ def _entries(parted: Parted, deviation: Floats) -> list[FaceEntry]:
             n_points=record["n_points"],
             rms=record["rms"],
             largest=record["max"],
+            tolerance=record["tolerance"],
+            n_control_points=record["n_control_points"],
             colour=colours[record["number"]].tolist(),
             notes=record["notes"],
         )

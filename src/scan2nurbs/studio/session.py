@@ -294,5 +294,5 @@ def _values(plan: Plan) -> dict[str, Any]:
     values: dict[str, Any] = {"scan.unit": plan.unit, "relations.relations": plan.params.relations}
     for stage, (params, _) in STAGES.items():
         if params is not None:
-            values |= {f"{stage}.{name}": value for name, value in vars(getattr(plan.params, stage)).items()}
+            values |= {f"{stage}.{name}": value for name, value in vars(plan.of(stage)).items()}
     return values

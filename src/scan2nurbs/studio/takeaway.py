@@ -69,7 +69,8 @@ def _write_report(path: Path, model: Model, params: PartParams) -> None:
     from scan2nurbs.report.html import render_html  # noqa: PLC0415
 
     sections = {name: getattr(params, name) for name in ("edges", "segment", "topology", "model")}
-    record = part_record(model, plain(sections | {"part": {"relations": params.relations, "corrections": params.corrections}}))
+    sections |= {"part": {"relations": params.relations, "corrections": params.corrections}, "relations": params.relation_params}
+    record = part_record(model, plain(sections))
     record = {"schema": "scan2nurbs/convert/1", **record, "outputs": [path], "peak_memory_mb": peak_memory_mb(), "versions": versions()}
     with atomic_path(path) as temporary:
         temporary.write_text(render_html(record, part_pictures(model), part_facts(model)), encoding="utf-8")

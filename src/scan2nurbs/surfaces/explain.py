@@ -16,6 +16,7 @@ _DEGREE = 3
 _SYSTEMATIC = 0.5  # share of the noise that the systematic part of residuals may have
 _SIGNIFICANT = 1e-4
 _LARGEST_SHARE_OFF = 0.15
+_STRAYS = 0.05
 
 
 class Residuals(NamedTuple):
@@ -80,6 +81,28 @@ def study(feet: Floats, residuals: Floats, noise: float) -> Residuals:
     return Residuals(float(np.sqrt(max(excess))) * sigma, chance, rest, off)
 
 
+def lies_within(feet: Floats, residuals: Floats, noise: float, tolerance: float) -> bool:
+    """Tell whether a surface lies within a tolerance of points besides their noise, but for a few strays.
+
+    Parameters
+    ----------
+    feet, residuals, noise
+        See `study`.
+    tolerance : float
+        Largest mean of the residuals of a block of some 25 points, beyond what noise would give, > 0.
+    """
+    stride = -(-len(feet) // _SAMPLE)
+    p, d = feet[::stride], residuals[::stride]
+    on = np.abs(d) <= tolerance + 5.0 * noise
+    if np.mean(on) < 1.0 - _STRAYS:
+        return False
+    p, d = p[on], d[on]
+    groups = _groups(p)
+    sizes, means = np.array([len(g) for g in groups]), np.array([d[g].mean() for g in groups])
+    rest = float(np.sqrt(max(float(d @ d - sizes @ means**2), 0.0) / max(len(d) - len(groups), 1)))
+    return bool((np.abs(means) <= tolerance + 3.0 * max(noise, rest) / np.sqrt(sizes)).all())
+
+
 def _polynomials(points: Floats, d: Floats) -> tuple[float, int]:
     """Return the sum of squares that polynomials explain, and their number."""
     offset = points - points.mean(axis=0)
@@ -102,10 +125,15 @@ def _degrees() -> list[int]:
 
 def _blocks(points: Floats, d: Floats) -> tuple[float, int]:
     """Return the sum of squares of the means of blocks, and their number."""
-    groups: list[NDArray[np.int64]] = [np.arange(len(d), dtype=np.int64)]
+    groups = _groups(points)
+    return float(sum(d[g].sum() ** 2 / len(g) for g in groups)), len(groups)
+
+
+def _groups(points: Floats) -> list[NDArray[np.int64]]:
+    groups: list[NDArray[np.int64]] = [np.arange(len(points), dtype=np.int64)]
     while len(groups[0]) > 2 * _BLOCK:
         groups = [half for g in groups for half in _halves(points, g)]
-    return float(sum(d[g].sum() ** 2 / len(g) for g in groups)), len(groups)
+    return groups
 
 
 def _halves(points: Floats, group: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -38,13 +38,13 @@ class RelationParams:
     Attributes
     ----------
     kinds : tuple of str
-        Of `RELATIONS`; empty for none.
+        Kinds that are imposed, all of them unless told; empty for none.
     angle : float
-        Angles below it are never doubted, in degrees, ≥ 0.
+        Directions that are as close to a relation are never doubted, however well they are known; in degrees, [0, inf).
     length : float
-        Lengths below it are never doubted, as a share of the noise, ≥ 0.
+        Places and radii that are as close to a relation are never doubted, however well they are known; a share of the noise, [0, inf).
     max_rise : float
-        A relation that raises the rms of a face by more than this share is dropped, > 0.
+        A relation that raises the rms of a face by more than this share of it is dropped, [0, inf).
     """
 
     kinds: tuple[str, ...] = RELATIONS

@@ -20,7 +20,7 @@ from scan2nurbs.surfaces.shape_solve import TUKEY
 from scan2nurbs.surfaces.spline_shape import SplineShape
 from scan2nurbs.surfaces.swept_fit import fit_extrusion, fit_revolution
 
-__all__ = ["PRIMITIVES", "ShapeFit", "choose_shape", "fit_shape"]
+__all__ = ["PRIMITIVES", "ShapeFit", "choose_shape", "fit_shape", "judge"]
 
 # Parameters that a sphere pays more than it has. It is rarer than cylinders and cones, which have more: a chamfer or a fillet that is too
 # narrow to tell is no zone of a sphere; a compact patch may be.
@@ -41,6 +41,7 @@ def fit_shape(
     normals: Floats | None = None,
     start: Shape | None = None,
     weights: Floats | None = None,
+    tolerance: float | None = None,
 ) -> ShapeFit:
     """Fit a primitive by robust orthogonal-distance least squares: maximum likelihood under Gaussian noise, and blind to outliers.
 
@@ -58,6 +59,8 @@ def fit_shape(
         A shape of this kind to start from instead.
     weights : (N,) float64, optional
         Weights ≥ 0 of the points.
+    tolerance : float, optional
+        How far a B-spline surface may lie from the points besides their noise; from the noise unless given.
 
     Raises
     ------
@@ -71,7 +74,7 @@ def fit_shape(
         shape = (fit_extrusion if kind == "extrusion" else fit_revolution)(p, noise, normals)
         return _of_swept(shape, p, noise, w)
     if kind == "bspline":
-        return _fit_spline(p, noise, w)
+        return _fit_spline(p, noise, w, tolerance)
     raise ParameterError(f"The 'kind' parameter of fit_shape must be one of {', '.join(KINDS)}. Got {kind!r} instead.")
 
 
@@ -117,7 +120,7 @@ def choose_shape(points: ArrayLike, *, noise: float, kinds: Sequence[Kind] = KIN
                 return _with_border(found[0], everything, noise)
     # Points rougher than told must not buy parameters with their roughness.
     sigma = float(np.clip(min((r.noise for _, r in fits), default=noise), noise, _ROUGHEST * noise))
-    judged = [(_judge(fit, p, w, sigma), r) for fit, r in fits]
+    judged = [(judge(fit, p, w, sigma), r) for fit, r in fits]
     judged.sort(key=lambda pair: pair[0].criterion)
     if judged and judged[0][1].explained(sigma):
         return _with_border(judged[0][0], everything, noise)
@@ -126,7 +129,7 @@ def choose_shape(points: ArrayLike, *, noise: float, kinds: Sequence[Kind] = KIN
             continue
         found = _try(kind, p, noise, normals)
         if found is not None:
-            judged.append((_judge(found[0], p, w, sigma), found[1]))
+            judged.append((judge(found[0], p, w, sigma), found[1]))
             if found[1].explained(sigma):
                 return judged[-1][0]
     if not judged:
@@ -158,7 +161,8 @@ def _with_border(fit: ShapeFit, everything: Floats, noise: float) -> ShapeFit:
         return fit
 
 
-def _judge(fit: ShapeFit, points: Floats, weights: Floats, sigma: float) -> ShapeFit:
+def judge(fit: ShapeFit, points: Floats, weights: Floats, sigma: float) -> ShapeFit:
+    """Return the fit with its criterion at the noise `sigma`, so that shapes of several kinds can be compared."""
     sigma = max(sigma, 1e-9 * float(np.ptp(points, axis=0).max()))
     freedom = fit.shape.freedom + (_SPHERE[_compact(points)] if fit.shape.kind == "sphere" else 0)
     return replace(fit, criterion=criterion(fit.shape.distance(points) / sigma, weights, freedom))
@@ -181,9 +185,9 @@ def _of_swept(shape: Shape, points: Floats, noise: float, weights: Floats) -> Sh
     return ShapeFit(shape, len(points), rms, None, criterion(d / sigma, weights, shape.freedom))
 
 
-def _fit_spline(points: Floats, noise: float, weights: Floats) -> ShapeFit:
+def _fit_spline(points: Floats, noise: float, weights: Floats, tolerance: float | None) -> ShapeFit:
     """Fit a B-spline surface."""
-    found = fit_surface(points[weights > 0.0], FitParams(noise=noise))
+    found = fit_surface(points[weights > 0.0], FitParams(noise=noise, tolerance=tolerance))
     shape = SplineShape(found.surface)
     d = np.zeros(len(points))
     d[weights > 0.0] = found.residuals

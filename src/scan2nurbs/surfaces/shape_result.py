@@ -25,6 +25,8 @@ class ShapeFit:
         Σ ρ(d/σ) + freedom · log n, lower is better; what `choose_shape` compares.
     notes : tuple of str
         What the caller should know, one sentence each.
+    tolerance : float, optional
+        How far the shape may lie from the points besides their noise, where that was asked for; in the points' unit.
     """
 
     shape: Shape
@@ -33,6 +35,7 @@ class ShapeFit:
     covariance: Floats | None
     criterion: float
     notes: tuple[str, ...] = ()
+    tolerance: float | None = None
 
     @property
     def uncertainty(self) -> dict[str, float]:

@@ -44,6 +44,11 @@ export function facesPanel(store: Store, selection: Selection, pointer: Pointer)
     const kinds = h("select", { id: "face-kind", disabled: one === null, title: "Choose the type of the face's surface", onchange: () => step({ type: { face: one, kind: kinds.value } }) });
     fill(kinds, h("option", { value: "" }, "Type…"), ...(store.welcome?.kinds ?? []).map((kind) => h("option", { value: kind }, kind)));
     kinds.value = entry?.kind ?? "";
+    const unit = store.state?.unit ?? "";
+    const far = `How far the face's surface may lie from its points besides their noise, in ${unit}; it is as simple as that allows`;
+    const given = () => (Number(tolerance.value) > 0 ? step({ tolerance: { face: one, value: Number(tolerance.value) } }) : update());
+    const tolerance = h("input", { id: "face-tolerance", type: "number", min: "0", step: "any", disabled: one === null, placeholder: `Tolerance, ${unit}`, title: far, onchange: given });
+    tolerance.value = String(entry?.tolerance ?? "");
     const said = [faces.length ? `Face ${faces.join(", ")} chosen` : "", some ? `${count(selection.count)} points chosen` : ""].filter(Boolean).join("; ");
     const points = () => selection.named();
     fill(
@@ -55,6 +60,7 @@ export function facesPanel(store: Store, selection: Selection, pointer: Pointer)
         { class: "buttons" },
         h("button", { id: "face-merge", disabled: faces.length < 2, title: "Make one face of those chosen; the first one's number stays (M)", onclick: () => (step({ merge: faces }), store.choose(faces[0]!, false)) }, "Merge"),
         kinds,
+        tolerance,
         h("button", { id: "face-delete", disabled: faces.length === 0, title: "Delete the faces; their points belong to none (Del)", onclick: () => (faces.forEach((face) => step({ delete: face })), store.choose(null, false)) }, "Delete"),
         h("button", { id: "face-split", disabled: one === null || !some, title: "The chosen points of the face become a new face (S)", onclick: () => step({ split: { face: one, ...points() } }) }, "Split off"),
         h("button", { id: "face-assign", disabled: one === null || !some, title: "The chosen points belong to the chosen face (G)", onclick: () => step({ assign: { face: one, ...points() } }) }, "Give to face"),

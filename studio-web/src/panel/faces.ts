@@ -1,5 +1,6 @@
 /** The faces as a list, with type, size and deviation. */
 import { count, fill, h, number } from "../dom";
+import type { FaceEntry } from "../messages";
 import type { Store } from "../store";
 import { css } from "../view/colours";
 
@@ -12,7 +13,7 @@ export function facesList(store: Store): HTMLElement {
       const swatch = h("i", { class: "swatch" });
       swatch.style.background = css(entry.colour.map((c) => Math.round(255 * c)));
       const off = entry.rms === null ? "" : `±${number(entry.rms, 2)} ${unit}`;
-      const title = [entry.parameters, entry.largest === null ? "" : `largest deviation ${number(entry.largest)} ${unit}`, ...entry.notes].filter(Boolean).join("\n");
+      const title = [about(entry, unit), entry.largest === null ? "" : `largest deviation ${number(entry.largest)} ${unit}`, ...entry.notes].filter(Boolean).join("\n");
       return h(
         "button",
         { class: "face", role: "option", "aria-selected": String(on), title, onclick: ((event: MouseEvent) => store.choose(entry.number, event.shiftKey || event.ctrlKey)) as unknown },
@@ -24,9 +25,17 @@ export function facesList(store: Store): HTMLElement {
     });
     fill(element, ...rows);
     const chosen = store.entries().find((entry) => entry.number === store.faces[0]);
-    if (chosen?.parameters && store.faces.length === 1) element.append(h("p", { class: "help" }, `${chosen.name}: ${chosen.parameters}`));
+    const known = chosen && store.faces.length === 1 ? about(chosen, unit) : "";
+    if (known) element.append(h("p", { class: "help" }, `${chosen!.name}: ${known}`));
   };
   store.on(["state", "faces", "step"], update);
   update();
   return element;
+}
+
+/** What is known of a face's surface, and what was asked for. */
+function about(entry: FaceEntry, unit: string): string {
+  const net = entry.n_control_points === null ? "" : `${count(entry.n_control_points)} control points`;
+  const tolerance = entry.tolerance === null ? "" : `tolerance ${number(entry.tolerance)} ${unit}`;
+  return [entry.parameters, net, tolerance].filter(Boolean).join("; ");
 }

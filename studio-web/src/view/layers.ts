@@ -26,6 +26,29 @@ export class Lines {
   }
 }
 
+/** Control nets: dots at the control points, and lines that are fainter where something hides them, since nets lie on both sides. */
+export class Nets extends Lines {
+  private readonly hidden = new THREE.LineBasicMaterial({ transparent: true, depthTest: false });
+  private readonly dots = new THREE.PointsMaterial({ transparent: true, depthTest: false, size: 5, sizeAttenuation: false });
+
+  constructor(segments: Values, colour: number) {
+    super(segments, colour);
+    const { geometry } = this.object;
+    for (const child of [new THREE.LineSegments(geometry, this.hidden), new THREE.Points(geometry, this.dots)]) {
+      child.material.color.set(colour);
+      child.renderOrder = 2;
+      child.frustumCulled = false;
+      this.object.add(child);
+    }
+  }
+
+  override fade(opacity: number): void {
+    super.fade(opacity);
+    this.hidden.opacity = 0.7 * opacity;
+    this.dots.opacity = opacity;
+  }
+}
+
 export class FaceMesh {
   readonly object: THREE.Mesh<THREE.BufferGeometry, THREE.RawShaderMaterial>;
   readonly picked: THREE.Mesh<THREE.BufferGeometry, THREE.RawShaderMaterial>;

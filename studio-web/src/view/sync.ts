@@ -2,12 +2,13 @@
 import type { Colouring, Store } from "../store";
 import { Cloud, COLOURINGS } from "./cloud";
 import { paletteTexture, rampTexture } from "./colours";
-import { FaceMesh, Lines } from "./layers";
+import { FaceMesh, Lines, Nets } from "./layers";
 import type { Legend } from "./legend";
 import type { Viewer } from "./viewer";
 
 const CURVE = 0xffe9a8;
 const FREE = 0xff5a5a;
+const NET = 0x4dff88;
 /** Of surfaces under points that are coloured by their distance from them. */
 const GREY = [0.4, 0.45, 0.5];
 const TITLES: Record<Colouring, string> = { plain: "", height: "Height", strength: "Edge strength", face: "Faces", deviation: "Deviation" };
@@ -86,7 +87,7 @@ export class Sync {
       lines === edges ? [new Lines(lines!.arrays["curves"]!, CURVE)] : [new Lines(lines!.arrays["edges"]!, CURVE), new Lines(lines!.arrays["free"]!, FREE)],
     );
     this.layer("surfaces", store.step === "surfaces" ? surfaces : undefined, () => [mesh(surfaces!.arrays, viewer)]);
-    this.layer("nets", store.step === "surfaces" || late ? surfaces : undefined, () => [new Lines(surfaces!.arrays["nets"]!, 0x7fd4ff)]);
+    this.layer("nets", store.step === "surfaces" || late ? surfaces : undefined, () => [new Nets(surfaces!.arrays["nets"]!, NET)]);
     this.layer("model", late ? model : undefined, () => [mesh(model!.arrays, viewer)]);
     const step = store.facesStep();
     const frame = step ? store.frames.get(step) : undefined;
