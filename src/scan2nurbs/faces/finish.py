@@ -94,7 +94,7 @@ def _plainest(fit: ShapeFit, points: NDArray[np.float64], noise: float, kinds: S
 
     Labels err along borders: the ring of a plane with some of its fillet passes for the zone of a sphere.
     """
-    plainer = [kind for kind in PRIMITIVES[: PRIMITIVES.index(fit.shape.kind) + 1] if kind in kinds]
+    plainer: list[Kind] = [kind for kind in PRIMITIVES[: PRIMITIVES.index(fit.shape.kind) + 1] if kind in kinds]
     if len(plainer) < 2 or fit.covariance is None:
         return fit
     found = choose_shape(points[:: max(1, len(points) // ENOUGH)], noise=noise, kinds=plainer).shape.kind

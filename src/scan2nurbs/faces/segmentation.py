@@ -20,7 +20,7 @@ from scan2nurbs.kernels.nearest import nearest_neighbours
 from scan2nurbs.kernels.primitives import KIND_NAMES, PATCH
 from scan2nurbs.kernels.runner import Progress
 from scan2nurbs.scale import Scale, measure_scale
-from scan2nurbs.surfaces.shape import KINDS
+from scan2nurbs.surfaces.shape import KINDS, Kind
 from scan2nurbs.surfaces.shape_fit import ShapeFit
 
 NEIGHBOURS = 12
@@ -129,7 +129,7 @@ def segment_points(
         label = spread_labels(points, label, part_scale, models, sheet)
     noise = sheet.sigma * part_scale.h
     label, kept = rank_faces(label, None)
-    allowed = [kind for kind in KINDS if kind in (params.keep_types or KINDS)]
+    allowed: list[Kind] = [kind for kind in KINDS if kind in (params.keep_types or KINDS)]
     pieces = Pieces(points, edges.normal, label, face_fits(points, edges.normal, label, models[kept], noise, part_scale.h, allowed))
     if kinds[PATCH]:
         pieces = join_freeform(pieces, edges.mask, scale, noise, allowed)
