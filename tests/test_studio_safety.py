@@ -146,10 +146,10 @@ def test_messages_have_a_limit_and_nonsense_does_no_harm(studio):
 
     with studio.page() as page, pytest.raises(refusals.ConnectionClosedError) as closed:
         listen(page)
-    assert closed.value.rcvd is not None
-    assert closed.value.rcvd.code == 1009
+    # The server hangs up while the page still sends: the reset may overtake the reason.
+    assert closed.value.rcvd is None or closed.value.rcvd.code == 1009
     with studio.page() as page:
-        hear(page, "State", is_current("edges"))
+        assert hear(page, "State", is_current("edges"))["edits"] == []
 
 
 def test_only_this_machine_is_let_in_unless_told():

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import make_interp_spline
 
 from scan2nurbs.brep.build import build_face
 from scan2nurbs.brep.charts import Chart, SplineChart, chart_of
@@ -23,7 +22,7 @@ from scan2nurbs.brep.solids import tolerance
 from scan2nurbs.brep.wide import widened
 from scan2nurbs.errors import NoResultError
 from scan2nurbs.faces.topology import Border, Loop, Topology
-from scan2nurbs.surfaces.bspline import BSplineSurface
+from scan2nurbs.surfaces.bspline import BSplineSurface, bicubic
 from scan2nurbs.surfaces.shape import Shape
 
 Floats = NDArray[np.float64]
@@ -109,7 +108,4 @@ def _patch(chart: Chart, uv: Floats, around: tuple[bool, bool]) -> BSplineSurfac
         axes.append(np.linspace(low, high, _SPANS + 1 if period else 9))
     u, v = np.meshgrid(*axes, indexing="ij")
     points = chart.point(np.column_stack([u.ravel(), v.ravel()])).reshape(*u.shape, 3)
-    first = make_interp_spline(axes[0], points, k=3)
-    second = make_interp_spline(axes[1], np.moveaxis(np.asarray(first.c), 1, 0), k=3)
-    control = np.ascontiguousarray(np.moveaxis(np.asarray(second.c), 0, 1))
-    return BSplineSurface((3, 3), (first.t, second.t), control, np.ones(control.shape[:2]), around)
+    return bicubic((axes[0], axes[1]), points, around)

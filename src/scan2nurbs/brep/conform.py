@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import BSpline, make_interp_spline
+from scipy.interpolate import BSpline
 from scipy.sparse import csr_matrix, diags, eye, kron
 from scipy.sparse.linalg import spsolve
 
@@ -18,7 +18,7 @@ from scan2nurbs.brep.layout import unrolled
 from scan2nurbs.brep.wide import WideSpline, widened
 from scan2nurbs.errors import NoResultError
 from scan2nurbs.faces.topology import Topology
-from scan2nurbs.surfaces.bspline import BSplineSurface
+from scan2nurbs.surfaces.bspline import bicubic
 from scan2nurbs.surfaces.shape import Shape
 
 Floats = NDArray[np.float64]
@@ -130,10 +130,7 @@ def conformed(shape: Shape, loops: Sequence[Floats], h: float, towards: Floats |
     moved = (grid + offset.reshape(-1, 1) * wide.normal(grid)).reshape(*u.shape, 3)
     if around[0]:
         moved[-1] = moved[0]
-    first = make_interp_spline(axes[0], moved, k=3)
-    second = make_interp_spline(axes[1], np.moveaxis(np.asarray(first.c), 1, 0), k=3)
-    control = np.ascontiguousarray(np.moveaxis(np.asarray(second.c), 0, 1))
-    return WideSpline(BSplineSurface((3, 3), (first.t, second.t), control, np.ones(control.shape[:2]), (around[0], False)))
+    return WideSpline(bicubic((axes[0], axes[1]), moved, (around[0], False)))
 
 
 def _nodes(chart: Chart, uv: Floats, moved: NDArray[np.bool_], axis: int, around: bool, h: float) -> Floats:

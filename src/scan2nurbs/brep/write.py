@@ -129,13 +129,16 @@ def write_model(
     """
     faces = (faces,) if isinstance(faces, TrimmedFace) else tuple(faces)
     offset = np.asarray(origin, np.float64)
-    form = _checked(Path(path), faces, unit, schema, offset, deflection)
+    form = checked_format(Path(path), unit, schema, offset, deflection)
+    if not faces:
+        raise ParameterError("The 'faces' parameter of write_model must hold at least one face. Got none instead.")
     named = [(f"bspline_{k}", face) for k, face in enumerate(faces, start=1)]
     if form in MESH_WRITERS or form == "3DM":
         model = check(_compound([face.shape for face in faces]))
         notes = _write_plain(path, form, named, unit, offset, deflection)
         return WrittenModel(Path(path), form, unit, model, notes)
-    inside = {"STEP": _kernel_unit(faces, unit, offset), "IGES": "mm"}.get(form, unit)
+    furthest = max(float(np.abs(face.surface.control_points + offset).max()) for face in faces)
+    inside = {"STEP": kernel_unit(furthest, unit), "IGES": "mm"}.get(form, unit)
     scale = UNITS[unit] / UNITS[inside]
     shapes = [(label, _shape(face, scale, offset * scale)) for label, face in named]
     whole = shapes[0][1] if len(shapes) == 1 else _compound([shape for _, shape in shapes])
@@ -156,27 +159,30 @@ def write_model(
     return WrittenModel(Path(path), form, inside, model, tuple(notes))
 
 
-def _checked(path: Path, faces: tuple[TrimmedFace, ...], unit: str, schema: str, offset: Floats, deflection: float | None) -> str:
-    """Return the format, if all parameters are in their ranges."""
+def checked_format(path: Path, unit: str, schema: str, offset: Floats, deflection: float | None) -> str:
+    """Return the format of a file that is to be written, if all parameters are in their ranges.
+
+    Raises
+    ------
+    ParameterError
+        If one of them is not.
+    """
     form = FORMATS.get(path.suffix.lower())
     if form is None:
         raise ParameterError(f"The suffix of a model must be one of {', '.join(FORMATS)}. Got {path.suffix!r} instead.")
-    if not faces:
-        raise ParameterError("The 'faces' parameter of write_model must hold at least one face. Got none instead.")
     if unit not in UNITS:
-        raise ParameterError(f"The 'unit' parameter of write_model must be one of {', '.join(UNITS)}. Got {unit!r} instead.")
+        raise ParameterError(f"The 'unit' of a model must be one of {', '.join(UNITS)}. Got {unit!r} instead.")
     if schema not in SCHEMAS:
-        raise ParameterError(f"The 'schema' parameter of write_model must be one of {', '.join(SCHEMAS)}. Got {schema!r} instead.")
+        raise ParameterError(f"The 'schema' of a model must be one of {', '.join(SCHEMAS)}. Got {schema!r} instead.")
     if offset.shape != (3,) or not np.isfinite(offset).all():
-        raise ParameterError(f"The 'origin' parameter of write_model must be three finite numbers. Got {offset.tolist()} instead.")
+        raise ParameterError(f"The 'origin' of a model must be three finite numbers. Got {offset.tolist()} instead.")
     if deflection is not None and not (np.isfinite(deflection) and deflection > 0):
-        raise ParameterError(f"The 'deflection' parameter of write_model must be a float in (0, inf). Got {deflection} instead.")
+        raise ParameterError(f"The 'deflection' of a model must be a float in (0, inf). Got {deflection} instead.")
     return form
 
 
-def _kernel_unit(faces: tuple[TrimmedFace, ...], unit: str, offset: Floats) -> str:
+def kernel_unit(furthest: float, unit: str) -> str:
     """Return the unit in which the kernel's absolute tolerance fits: millimetres, but the file's own for coordinates far from zero."""
-    furthest = max(float(np.abs(face.surface.control_points + offset).max()) for face in faces)
     return "mm" if furthest * UNITS[unit] * np.finfo(float).eps <= 0.1 * CONFUSION else unit
 
 

@@ -17,15 +17,14 @@ from scan2nurbs.brep.cad import tessellate
 from scan2nurbs.brep.check import ModelCheck, check
 from scan2nurbs.brep.header import plain
 from scan2nurbs.brep.iges import write_iges
-from scan2nurbs.brep.occ import CONFUSION, KernelError, from_surface, kernel_errors
+from scan2nurbs.brep.occ import KernelError, from_surface, kernel_errors
 from scan2nurbs.brep.part import PartModel
 from scan2nurbs.brep.part_mesh import face_rows
 from scan2nurbs.brep.read import faces_of, read_shape
 from scan2nurbs.brep.rhino import UNTRIMMED, write_3dm
-from scan2nurbs.brep.step import SCHEMAS, write_step
-from scan2nurbs.brep.write import FORMATS, MESH_WRITERS, WrittenModel, write_brep
+from scan2nurbs.brep.step import write_step
+from scan2nurbs.brep.write import MESH_WRITERS, WrittenModel, checked_format, kernel_unit, write_brep
 from scan2nurbs.cloud import UNITS
-from scan2nurbs.errors import ParameterError
 from scan2nurbs.io.atomic import atomic_path
 
 Floats = NDArray[np.float64]
@@ -101,8 +100,9 @@ def write_part(
     The same part gives the same bytes.
     """
     offset = np.asarray(origin, np.float64)
-    form = _checked(Path(path), unit, schema, offset, deflection)
-    inside = {"STEP": _kernel_unit(part, unit, offset), "IGES": "mm"}.get(form, unit)
+    form = checked_format(Path(path), unit, schema, offset, deflection)
+    furthest = float(np.abs(_box(part.shape) / part.kernel_scale + offset).max())
+    inside = {"STEP": kernel_unit(furthest, unit), "IGES": "mm"}.get(form, unit)
     scale = UNITS[unit] / UNITS[inside]
     whole = _moved(part.shape, scale / part.kernel_scale, offset * scale)
     faces = _named(part, whole, names or [f"{face.kind}_{row}" for row, face in enumerate(part.faces)])
@@ -125,28 +125,6 @@ def write_part(
     if form == "STEP" and inside != "mm":
         notes.append(_FAR.format(unit))
     return WrittenModel(Path(path), form, inside, model, tuple(notes))
-
-
-def _checked(path: Path, unit: str, schema: str, offset: Floats, deflection: float | None) -> str:
-    form = FORMATS.get(path.suffix.lower())
-    if form is None:
-        raise ParameterError(f"The suffix of a model must be one of {', '.join(FORMATS)}. Got {path.suffix!r} instead.")
-    if unit not in UNITS:
-        raise ParameterError(f"The 'unit' parameter of write_part must be one of {', '.join(UNITS)}. Got {unit!r} instead.")
-    if schema not in SCHEMAS:
-        raise ParameterError(f"The 'schema' parameter of write_part must be one of {', '.join(SCHEMAS)}. Got {schema!r} instead.")
-    if offset.shape != (3,) or not np.isfinite(offset).all():
-        raise ParameterError(f"The 'origin' parameter of write_part must be three finite numbers. Got {offset.tolist()} instead.")
-    if deflection is not None and not (np.isfinite(deflection) and deflection > 0):
-        raise ParameterError(f"The 'deflection' parameter of write_part must be a float in (0, inf). Got {deflection} instead.")
-    return form
-
-
-def _kernel_unit(part: PartModel, unit: str, offset: Floats) -> str:
-    """Return the unit in which the kernel's absolute tolerance fits: millimetres, but the file's own for coordinates far from zero."""
-    low, high = _box(part.shape) / part.kernel_scale
-    furthest = float(np.abs(np.stack([low, high]) + offset).max())
-    return "mm" if furthest * UNITS[unit] * np.finfo(float).eps <= 0.1 * CONFUSION else unit
 
 
 def _box(shape: Any) -> Floats:

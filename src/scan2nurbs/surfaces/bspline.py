@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import make_interp_spline
 
 from scan2nurbs.errors import ParameterError
 from scan2nurbs.kernels.bspline import MAX_DEGREE, evaluate_range
@@ -90,6 +91,25 @@ class BSplineSurface:
             control = np.ascontiguousarray(np.concatenate([control * w, w], axis=2))
         out = evaluate_spline(self.knots, self.degrees, control, uv, order)
         return _project(out) if rational else out
+
+
+def bicubic(
+    axes: tuple[NDArray[np.float64], NDArray[np.float64]], grid: NDArray[np.float64], closed: tuple[bool, bool] = (False, False)
+) -> BSplineSurface:
+    """Return the bicubic surface through a grid of points.
+
+    Parameters
+    ----------
+    axes : ((n_u,) float64, (n_v,) float64)
+        Rising parameters of the grid's rows and columns, at least four each.
+    grid : (n_u, n_v, 3) float64
+    closed : (bool, bool)
+        What the surface says of itself; the grid's first and last rows or columns must agree then.
+    """
+    first = make_interp_spline(axes[0], grid, k=3)
+    second = make_interp_spline(axes[1], np.moveaxis(np.asarray(first.c), 1, 0), k=3)
+    control = np.ascontiguousarray(np.moveaxis(np.asarray(second.c), 0, 1))
+    return BSplineSurface((3, 3), (first.t, second.t), control, np.ones(control.shape[:2]), closed)
 
 
 def evaluate_spline(
