@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from scan2nurbs.faces.compete import Sheet, fit_regions, link_weights
-from scan2nurbs.faces.finish import face_fits
+from scan2nurbs.faces.finish import face_fits, swept_fits
 from scan2nurbs.kernels.cells import build_cells
 from scan2nurbs.kernels.nearest import nearest_neighbours
 from scan2nurbs.kernels.primitives import CYLINDER, SIZE, SPHERE
 from scan2nurbs.surfaces.shape import KINDS
+from scan2nurbs.surfaces.shape_fit import fit_shape
 
 NOISE = 0.25
 
@@ -80,3 +81,32 @@ def test_a_narrow_band_is_of_a_cylinder_not_of_a_sphere(seed):
     models = sphere([0.0, 0.0, 6.0], 46.0)[None].copy()
     fit_regions(sheet, np.zeros(len(points), np.int32), models, np.ones(6, np.bool_))
     assert models[0, 0] == CYLINDER
+
+
+def vessel(rng):
+    """A turned wall: its radius swells and shrinks along the axis."""
+    around, along = (grid(rng, 180, 60) * [2 * np.pi / 180, 1]).T
+    radius = 28 + 5 * np.sin(along / 12)
+    points = np.column_stack([radius * np.cos(around), radius * np.sin(around), along])
+    return points + rng.normal(scale=NOISE, size=points.shape)
+
+
+def wavy_sheet(rng):
+    """A height field with waves in either direction, of different lengths: nothing swept."""
+    x, y = grid(rng, 60, 60).T
+    points = np.column_stack([x, y, 3 * np.sin(x / 9) * np.cos(y / 13) + 0.02 * (x - 30) * (y - 20)])
+    return points + rng.normal(scale=NOISE, size=points.shape)
+
+
+def test_turned_faces_are_revolutions_and_wavy_ones_stay_free():
+    rng = np.random.default_rng(1)
+    points = [vessel(rng), wavy_sheet(rng)]
+    label = np.repeat(np.arange(2, dtype=np.int32), [len(p) for p in points])
+    free = [fit_shape("bspline", p, noise=NOISE) for p in points]
+    points = np.vstack(points)
+    turned, wavy = swept_fits(points, label, free, NOISE, KINDS)
+    assert turned.shape.kind == "revolution"
+    assert np.degrees(np.arccos(abs(turned.shape.axis[2]))) < 0.2
+    assert turned.criterion < free[0].criterion
+    assert wavy is free[1]
+    assert swept_fits(points, label, free, NOISE, ["plane", "bspline"]) == tuple(free)

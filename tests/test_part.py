@@ -335,7 +335,7 @@ def test_wrong_parameters_are_told(tmp_path):
 
 
 def test_faces_stay_where_the_kernel_refuses_all_that_share_edges(monkeypatch):
-    from scan2nurbs.brep import part as module
+    from scan2nurbs.brep import join as module
 
     def picky(shape):
         found = check(shape)

@@ -89,7 +89,7 @@ def _outlined(shape: Shape, topology: Topology, f: int, h: float, scale: float) 
     if not found.wires:
         raise NoResultError("No outline is left of it.")
     face = build_face(found.surface, found.wires, scale=scale)
-    if not (is_valid(face) and is_valid_meshed(face)):
+    if not (is_valid(face) and is_valid_meshed(face, every=False)):
         raise NoResultError("Its own outline is not valid.")
     return (TopoDS.Face(face.Oriented(TopAbs_REVERSED)) if topology.outward[f] < 0 else face,)
 

@@ -10,8 +10,9 @@ from typing import Any
 
 from scan2nurbs.brep.occ import CONFUSION, kernel_errors, silence
 
-_DEFLECTIONS = (1e-2, 2e-3)
-"""Shares of a shape's extent. Coarse triangles may cross in a narrow place where finer ones do not."""
+_MESHES = ((1e-2, 0.0, 0.5), (2e-3, 5e-4, 0.1))
+"""Coarse and fine: deflection and least size, as shares of a shape's extent, and angle. Programs choose theirs, and the sides of a narrow
+place may cross in one of them only."""
 _FAILURES = 0x1 | 0x2 | 0x4
 """IMeshData_Status: an open wire, a wire that crosses itself, a failure."""
 
@@ -66,7 +67,7 @@ def check(shape: Any) -> ModelCheck:
 
     silence()
     with kernel_errors("analyse the shape"):
-        valid = is_valid(shape) and is_valid_meshed(shape)
+        valid = is_valid(shape) and is_valid_meshed(shape, every=False)
         faces, edges = ShapeMap(), EdgeMap()
         TopExp.MapShapes_s(shape, TopAbs_FACE, faces)
         TopExp.MapShapesAndAncestors_s(shape, TopAbs_EDGE, TopAbs_FACE, edges)
@@ -104,22 +105,37 @@ def is_valid(shape: Any) -> bool:
         return bool(BRepCheck_Analyzer(shape, True).IsValid())
 
 
-def is_valid_meshed(shape: Any) -> bool:
-    """Return whether a shape can be triangulated, and the kernel's analysis finds nothing wrong with it then."""
+def is_valid_meshed(shape: Any, every: bool = True) -> bool:
+    """Return whether a shape can be triangulated, and the kernel's analysis finds nothing wrong with it then.
+
+    Parameters
+    ----------
+    shape : TopoDS_Shape
+    every : bool
+        Whether both coarse and fine triangles must be possible, or one of the two is enough.
+    """
     from OCP.Bnd import Bnd_Box
     from OCP.BRepBndLib import BRepBndLib
-    from OCP.BRepBuilderAPI import BRepBuilderAPI_Copy
-    from OCP.BRepMesh import BRepMesh_IncrementalMesh
 
     box = Bnd_Box()
     BRepBndLib.Add_s(shape, box, False)
     if box.IsVoid():
         return True
-    for share in _DEFLECTIONS:
-        copy = BRepBuilderAPI_Copy(shape).Shape()
-        # The kernel refuses a deflection below its own absolute tolerance.
-        deflection = max(share * box.SquareExtent() ** 0.5, CONFUSION)
-        mesh = BRepMesh_IncrementalMesh(copy, deflection, False, 0.5, False)
-        if mesh.GetStatusFlags() & _FAILURES == 0 and is_valid(copy):
-            return True
-    return False
+    extent = box.SquareExtent() ** 0.5
+    found = (_meshes(shape, deflection * extent, least * extent, angle) for deflection, least, angle in _MESHES)
+    return all(found) if every else any(found)
+
+
+def _meshes(shape: Any, deflection: float, least: float, angle: float) -> bool:
+    from OCP.BRepBuilderAPI import BRepBuilderAPI_Copy
+    from OCP.BRepMesh import BRepMesh_IncrementalMesh
+    from OCP.IMeshTools import IMeshTools_Parameters
+
+    copy = BRepBuilderAPI_Copy(shape).Shape()
+    how = IMeshTools_Parameters()
+    # The kernel refuses a deflection below its own absolute tolerance.
+    how.Deflection, how.Angle, how.InParallel = max(deflection, CONFUSION), angle, False
+    if least:  # else a wrinkle, however small, is meshed until its angles are small
+        how.MinSize = max(least, CONFUSION)
+    mesh = BRepMesh_IncrementalMesh(copy, how)
+    return mesh.GetStatusFlags() & _FAILURES == 0 and is_valid(copy)

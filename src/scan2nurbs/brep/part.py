@@ -17,10 +17,10 @@ from scan2nurbs.brep.cad import tessellate
 from scan2nurbs.brep.check import check, is_valid, is_valid_meshed
 from scan2nurbs.brep.deviation import deviation, sample
 from scan2nurbs.brep.face import kernel_scale
+from scan2nurbs.brep.join import Surroundings, join_faces
 from scan2nurbs.brep.occ import silence
-from scan2nurbs.brep.sewn import sew
 from scan2nurbs.brep.shared import SharedFaces
-from scan2nurbs.brep.solids import Assembled, apart, assemble, compound, tolerance, volume
+from scan2nurbs.brep.solids import compound, tolerance, volume
 from scan2nurbs.errors import InputError, NoResultError
 from scan2nurbs.faces.topology import Fitted, Topology
 from scan2nurbs.kernels.runner import Progress
@@ -260,25 +260,10 @@ def _model(
     params: ModelParams,
     notes: list[str],
 ) -> PartModel:
-    every = [face for pieces in faces for face in pieces]
-    if not every:
+    if not any(faces):
         raise NoResultError("No face of the part could be made.")
-    whole = assemble(every)
-    if whole.n_free_edges and "alone" in how:
-        joined = sew(faces, params.widest * scale.h * factor)
-        if joined is not None:
-            faces, whole = joined, assemble([face for pieces in joined for face in pieces])
-            notes.append(f"Faces with outlines of their own were sewn to their neighbours; {whole.n_free_edges} free edges are left.")
+    faces, how, whole = join_faces(faces, how, Surroundings(shapes, topology, scale.h, factor), params.widest, notes)
     found = check(whole.shape)
-    if not found.valid:
-        loose = Assembled(compound(every), 0, whole.n_free_edges)
-        if check(loose.shape).valid:
-            whole, found = loose, check(loose.shape)
-            notes.append("The CAD kernel finds the shells of these faces invalid: the faces are not joined to shells.")
-        else:
-            faces, how, whole = _parted(faces)
-            found = check(whole.shape)
-            notes.append("The CAD kernel finds faces invalid that share edges: every face has edges of its own.")
     measured = deviation(whole.shape, points, h=scale.h, reach=params.reach * scale.h + 3.0 * scale.noise, scale=factor)
     return PartModel(
         shape=whole.shape,
@@ -299,16 +284,6 @@ def _model(
         rms=measured.rms,
         notes=tuple(notes),
     )
-
-
-def _parted(faces: Sequence[tuple[Any, ...]]) -> tuple[list[tuple[Any, ...]], list[str], Assembled]:
-    """Give every face edges of its own, and leave out what is not even valid then."""
-    kept = [tuple(piece for piece in map(apart, pieces) if is_valid(piece) and is_valid_meshed(piece)) for pieces in faces]
-    every = [piece for pieces in kept for piece in pieces]
-    if not every:
-        raise NoResultError("No face of the part could be made.")
-    how = ["alone" if pieces else "lost" for pieces in kept]
-    return kept, how, Assembled(compound(every), 0, assemble(every).n_free_edges)
 
 
 def _edge(curve: BorderCurve) -> PartEdge:

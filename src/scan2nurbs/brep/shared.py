@@ -106,7 +106,7 @@ def trim_faces(
     for f, made in enumerate(faces):
         if made and not all(is_valid(face) for face in made):
             work.failures[f] = "The CAD kernel's check finds it invalid."
-        elif made and not all(is_valid_meshed(face) for face in made):
+        elif made and not all(is_valid_meshed(face, every=False) for face in made):
             work.failures[f] = "It cannot be triangulated."
     return SharedFaces(tuple(tuple(made) for made in faces), work.failures, tuple(work.curves), frozenset(skipped))
 

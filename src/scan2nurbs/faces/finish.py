@@ -14,6 +14,7 @@ from scan2nurbs.kernels.labelling import candidate_costs
 from scan2nurbs.kernels.nearest import nearest_to
 from scan2nurbs.kernels.primitives import PATCH
 from scan2nurbs.scale import Scale
+from scan2nurbs.surfaces.explain import study
 from scan2nurbs.surfaces.shape import Kind
 from scan2nurbs.surfaces.shape_fit import PRIMITIVES, ShapeFit, choose_shape, fit_shape
 
@@ -99,6 +100,44 @@ def _plainest(fit: ShapeFit, points: NDArray[np.float64], noise: float, kinds: S
         return fit
     found = choose_shape(points[:: max(1, len(points) // ENOUGH)], noise=noise, kinds=plainer).shape.kind
     return fit if found == fit.shape.kind else choose_shape(points, noise=noise, kinds=(found,))
+
+
+def swept_fits(
+    points: NDArray[np.float64], label: NDArray[np.int32], fits: Sequence[ShapeFit], noise: float, kinds: Sequence[Kind]
+) -> tuple[ShapeFit, ...]:
+    """Return the fits, with extrusions and revolutions instead of B-spline surfaces wherever they explain a face with fewer parameters.
+
+    Parameters
+    ----------
+    points : (N, 3) float64
+    label : (N,) int32
+    fits : sequence of ShapeFit
+        One a label.
+    noise : float
+        Standard deviation of the points across the surface, in their unit.
+    kinds : sequence of str
+        Kinds that faces may have.
+    """
+    return tuple(_swept(fit, points[label == k], noise, kinds) if fit.shape.kind == "bspline" else fit for k, fit in enumerate(fits))
+
+
+def _swept(fit: ShapeFit, points: NDArray[np.float64], noise: float, kinds: Sequence[Kind]) -> ShapeFit:
+    swept: tuple[Kind, ...] = ("extrusion", "revolution")
+    for kind in swept:
+        if kind not in kinds:
+            continue
+        try:
+            some = points[:: max(1, len(points) // ENOUGH)]
+            trial = fit_shape(kind, some, noise=noise)
+            if not study(trial.shape.foot(some), trial.shape.distance(some), noise).explained(noise):
+                continue
+            found = fit_shape(kind, points, noise=noise)
+        except (NoResultError, InputError):
+            continue
+        left = study(found.shape.foot(points), found.shape.distance(points), noise)
+        if left.explained(noise) and found.criterion < fit.criterion:
+            return found
+    return fit
 
 
 def _fit_free(points: NDArray[np.float64], normals: NDArray[np.float64], noise: float) -> ShapeFit:
