@@ -98,8 +98,11 @@ def _plainest(fit: ShapeFit, points: NDArray[np.float64], noise: float, kinds: S
     plainer: list[Kind] = [kind for kind in PRIMITIVES[: PRIMITIVES.index(fit.shape.kind) + 1] if kind in kinds]
     if len(plainer) < 2 or fit.covariance is None:
         return fit
-    found = choose_shape(points[:: max(1, len(points) // ENOUGH)], noise=noise, kinds=plainer).shape.kind
-    return fit if found == fit.shape.kind else choose_shape(points, noise=noise, kinds=(found,))
+    try:
+        found = choose_shape(points[:: max(1, len(points) // ENOUGH)], noise=noise, kinds=plainer).shape.kind
+        return fit if found == fit.shape.kind else choose_shape(points, noise=noise, kinds=(found,))
+    except NoResultError:  # too few of the points are amid the face
+        return fit
 
 
 def swept_fits(
