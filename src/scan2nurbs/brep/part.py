@@ -65,8 +65,9 @@ class PartFace:
         Usually one; several where the face consists of pieces that do not touch; none where it was lost.
     area : float
         In the unit of the cloud, squared.
-    trimmed : {"shared", "followed", "alone", "lost"}
-        By edges shared with its neighbours; by shared edges that follow the borders' points; by its own outline.
+    trimmed : {"shared", "followed", "bent", "alone", "lost"}
+        By edges shared with its neighbours; by shared edges that follow the borders' points, or that its surface was bent to; by its own
+        outline; not at all.
     """
 
     number: int
@@ -260,8 +261,6 @@ def _model(
     params: ModelParams,
     notes: list[str],
 ) -> PartModel:
-    if not any(faces):
-        raise NoResultError("No face of the part could be made.")
     faces, how, whole = join_faces(faces, how, Surroundings(shapes, topology, scale.h, factor), params.widest, notes)
     found = check(whole.shape)
     measured = deviation(whole.shape, points, h=scale.h, reach=params.reach * scale.h + 3.0 * scale.noise, scale=factor)
