@@ -14,7 +14,7 @@ from scan2nurbs.kernels.growth import DISTANCE_CAP, NONE_COST, NOTICEABLE
 from scan2nurbs.kernels.labelling import candidate_costs, choose_labels, nearby_labels
 from scan2nurbs.kernels.offers import fill_candidates, offer_models
 from scan2nurbs.kernels.primitives import FREEDOM
-from scan2nurbs.kernels.refits import refit_all
+from scan2nurbs.kernels.refits import refit_all, refit_amid
 from scan2nurbs.kernels.runner import kernel, run_ranges
 
 CANDIDATES = 8
@@ -218,6 +218,22 @@ def fit_regions(sheet: Sheet, label: NDArray[np.int32], models: NDArray[np.float
 
     run_ranges(refit, len(models), size=REGIONS)
     return values
+
+
+def plainest_models(sheet: Sheet, label: NDArray[np.int32], models: NDArray[np.float64], kinds: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Return the models, of the kinds that the points amid the regions ask for.
+
+    A region that has taken in some of the fillet along its border passes for something bent: a ring of a plane for the zone of a sphere.
+    The fillet is seen only beside the plane.
+    """
+    order, starts = grouped(label, len(models))
+    depth, out = depths(label, sheet.neighbours), models.copy()
+
+    def refit(start: int, stop: int) -> None:
+        refit_amid(sheet.points, sheet.normals, sheet.neighbours, order, starts, depth, kinds, sheet.sigma, start, stop, out)
+
+    run_ranges(refit, len(models), size=REGIONS)
+    return out
 
 
 def grouped(label: NDArray[np.int32], n: int) -> tuple[NDArray[np.int32], NDArray[np.int64]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -102,6 +103,28 @@ def _plainest(fit: ShapeFit, points: NDArray[np.float64], noise: float, kinds: S
         found = choose_shape(points[:: max(1, len(points) // ENOUGH)], noise=noise, kinds=plainer).shape.kind
         return fit if found == fit.shape.kind else choose_shape(points, noise=noise, kinds=(found,))
     except NoResultError:  # too few of the points are amid the face
+        return fit
+
+
+def refits(points: NDArray[np.float64], label: NDArray[np.int32], fits: Sequence[ShapeFit], noise: float) -> list[ShapeFit]:
+    """Return the primitives fitted to the points that the faces have now; other surfaces stay.
+
+    Parameters
+    ----------
+    points : (N, 3) float64
+    label : (N,) int32
+    fits : sequence of ShapeFit
+        One a label.
+    noise : float
+        Standard deviation of the points across the surface, in their unit.
+    """
+    return [_again(fit, points[label == face], noise) if fit.shape.kind in PRIMITIVES else fit for face, fit in enumerate(fits)]
+
+
+def _again(fit: ShapeFit, points: NDArray[np.float64], noise: float) -> ShapeFit:
+    try:
+        return replace(fit_shape(fit.shape.kind, points, noise=noise, start=fit.shape), notes=fit.notes)
+    except NoResultError:
         return fit
 
 

@@ -5,7 +5,18 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from scan2nurbs.faces.compete import CANDIDATES, Sheet, adopt, drop_outliers, fit_regions, label_points, offered, select, split_pieces
+from scan2nurbs.faces.compete import (
+    CANDIDATES,
+    Sheet,
+    adopt,
+    drop_outliers,
+    fit_regions,
+    label_points,
+    offered,
+    plainest_models,
+    select,
+    split_pieces,
+)
 from scan2nurbs.faces.fillets import find_fillets
 from scan2nurbs.faces.lost import find_lost
 from scan2nurbs.faces.unite import unite
@@ -72,7 +83,7 @@ def find_primitives(
         if step == ROUNDS - 1:
             break
         if step in FILLET_ROUNDS and kinds[CYLINDER] and kinds[TORUS]:
-            sheet, label, models = find_fillets(sheet, label, models)
+            sheet, label, models = find_fillets(sheet, label, plainest_models(sheet, label, models, refits))
         if step in LOST_ROUNDS and kinds[PLANE]:
             label, models = find_lost(sheet, label, models, least)
         candidates = offered(sheet, label, models, RINGS)
@@ -80,6 +91,6 @@ def find_primitives(
             progress(step + 1, ROUNDS)
     if kinds[CYLINDER] and kinds[TORUS]:
         # Of strips this narrow the energy cannot pay for two borders; the lines of contact tell where they end.
-        _, label, models = find_fillets(sheet, label, models)
+        _, label, models = find_fillets(sheet, label, plainest_models(sheet, label, models, refits))
         label, models = split_pieces(sheet, label, models, least)
     return drop_outliers(sheet, adopt(sheet, label, models, RINGS), models), models

@@ -12,9 +12,10 @@ from scan2nurbs.edges.detect import Edges
 from scan2nurbs.errors import ParameterError
 from scan2nurbs.faces.compete import Sheet, along_the_surface, link_weights
 from scan2nurbs.faces.contacts import face_contacts, smooth_contacts
-from scan2nurbs.faces.finish import face_fits, rank_faces, spread_labels, swept_fits
+from scan2nurbs.faces.finish import face_fits, rank_faces, refits, spread_labels, swept_fits
 from scan2nurbs.faces.freeform import Pieces, join_freeform
 from scan2nurbs.faces.primitives import find_primitives
+from scan2nurbs.faces.settle import settle_borders
 from scan2nurbs.kernels.bends import bends
 from scan2nurbs.kernels.nearest import nearest_neighbours
 from scan2nurbs.kernels.primitives import KIND_NAMES, PATCH
@@ -133,8 +134,8 @@ def segment_points(
     pieces = Pieces(points, edges.normal, label, face_fits(points, edges.normal, label, models[kept], noise, part_scale.h, allowed))
     if kinds[PATCH]:
         pieces = join_freeform(pieces, edges.mask, scale, noise, allowed)
-    label, kept = rank_faces(pieces.label, params.max_faces)
-    fits = swept_fits(points, label, [pieces.fits[k] for k in kept], noise, allowed)
+    label, kept = rank_faces(settle_borders(points, pieces.label, pieces.fits, scale, noise), params.max_faces)
+    fits = swept_fits(points, label, refits(points, label, [pieces.fits[k] for k in kept], noise), noise, allowed)
     smooth = smooth_contacts(points, label, face_contacts(label, scale), fits, scale)
     return Faces(label=label, fits=fits, smooth=frozenset(contact.pair for contact in smooth))
 

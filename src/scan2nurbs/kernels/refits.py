@@ -15,6 +15,9 @@ COINCIDENT = 3.0
 """Two surfaces nearly coincide where a point's distances from both sum up to less than so many standard deviations."""
 PER_PARAMETER = 2.0
 """What a parameter costs more than by the criterion of Schwarz: borders are never clean, nor is noise quite normal."""
+SHARE = 0.5
+AMID = 75
+"""The points away from a region's border tell its kind if they are so large a share of it, and so many."""
 RARER = 2.0
 """Parameters that a sphere pays more than it has when kinds are compared: it is rarer than cylinders and cones, and no better than they
 are on a narrow ring or strip, where noise would choose it."""
@@ -147,6 +150,53 @@ def refit_all(points, normals, neighbours, order, starts, depth, kinds, sigma, s
             index[:] = order[a:b]
         refit(points, normals, neighbours, index, n, deepest, stamp, mark, kinds, sigma, models[label])
         values[label] = criterion(models[label], points, order[a:b], b - a, sigma)
+
+
+@kernel
+def refit_amid(points, normals, neighbours, order, starts, depth, allowed, sigma, start, stop, models):
+    """Give every region the plainest kind that its points away from its border ask for; see `refit_all`.
+
+    Regions with too few such points keep their models.
+    """
+    stamp = np.zeros(len(points), np.int32)
+    plainer = np.empty(len(allowed), np.bool_)
+    for label in range(start, stop):
+        a, b = starts[label], starts[label + 1]
+        kind = int(models[label, 0])
+        if kind in (PLANE, PATCH):
+            continue
+        n, index = _amid(order, a, b, depth)
+        if n < AMID:
+            continue
+        deepest = index[0]
+        for k in range(n):
+            stamp[index[k]] = 2 * label + 2
+            if depth[index[k]] > depth[deepest]:
+                deepest = index[k]
+        plainer[:] = False
+        for other in (PLANE, CYLINDER, SPHERE, CONE, TORUS):
+            plainer[other] = allowed[other]
+            if other == kind:
+                break
+        m = models[label].copy()
+        refit(points, normals, neighbours, index, n, deepest, stamp, 2 * label + 2, plainer, sigma, m)
+        if int(m[0]) != kind:
+            models[label] = m
+
+
+@kernel
+def _amid(order, a, b, depth):
+    """Return how many points of order[a:b] lie deepest in their region, and these; none where the region is too narrow."""
+    index = np.empty(b - a, np.int32)
+    for least in (3, 2, 1):
+        n = 0
+        for k in range(a, b):
+            if depth[order[k]] >= least:
+                index[n] = order[k]
+                n += 1
+        if n >= SHARE * (b - a):
+            return n, index
+    return 0, index
 
 
 @kernel
