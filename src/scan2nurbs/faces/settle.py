@@ -13,7 +13,7 @@ from scan2nurbs.scale import Scale
 from scan2nurbs.surfaces.shape import Floats
 from scan2nurbs.surfaces.shape_fit import ShapeFit
 
-ROUNDS = 2
+ROUNDS = 3
 RINGS = 3
 """Rings of neighbours from a border within which points are doubtful."""
 CROSSING = 60.0
@@ -69,6 +69,8 @@ def settle_borders(points: Floats, label: NDArray[np.int32], fits: Sequence[Shap
                 d = np.abs(fits[other].shape.distance(points[rows])) if len(rows) else np.zeros(0)
                 closer = (d < best[rows]) & (label[rows] == own)
                 best[rows[closer]], moved[rows[closer]] = d[closer], other
+        if (moved == label).all():
+            break
         label = _kept(label, moved, len(fits))
     return label
 
