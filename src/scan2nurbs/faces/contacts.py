@@ -56,7 +56,7 @@ class Contacts:
         """Return the points of the side's label within so many rings."""
         band = side
         for _ in range(rings - 1):
-            wider = np.unique(self.neighbours[band])
+            wider = np.union1d(band, self.neighbours[band])
             band = wider[label[wider] == label[side[0]]]
         return band
 

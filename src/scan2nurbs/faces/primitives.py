@@ -19,6 +19,7 @@ from scan2nurbs.faces.compete import (
 )
 from scan2nurbs.faces.fillets import find_fillets
 from scan2nurbs.faces.lost import find_lost
+from scan2nurbs.faces.profiles import split_profiles
 from scan2nurbs.faces.unite import unite
 from scan2nurbs.kernels.bends import unevenness
 from scan2nurbs.kernels.growth import NONE_COST, propose
@@ -89,8 +90,9 @@ def find_primitives(
         candidates = offered(sheet, label, models, RINGS)
         if progress is not None:
             progress(step + 1, ROUNDS)
+    # Of narrow strips the energy cannot pay for two borders; profiles and lines of contact tell where they end.
+    label, models = split_profiles(sheet, label, models, refits)
     if kinds[CYLINDER] and kinds[TORUS]:
-        # Of strips this narrow the energy cannot pay for two borders; the lines of contact tell where they end.
         _, label, models = find_fillets(sheet, label, plainest_models(sheet, label, models, refits))
         label, models = split_pieces(sheet, label, models, least)
     return drop_outliers(sheet, adopt(sheet, label, models, RINGS), models), models
