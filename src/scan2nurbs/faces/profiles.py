@@ -19,11 +19,11 @@ LEAST = 120
 """Fewer points show no profile."""
 ACROSS = 0.1
 """Sine by which the normals of a region lean along a sweep that it may come from, root mean square."""
-BIN = 0.5
+BIN = 0.25
 """Width of a profile's bins, in h."""
-NARROWEST = 3
+NARROWEST = 6
 """Bins of a piece, at least."""
-WIDEST = 60
+WIDEST = 64
 """Bins of a profile, at most: wider regions have room for normals of their own."""
 PER_PIECE = 2.5
 """Half the parameters of a piece: what it costs besides its model, times the logarithm of its points."""
@@ -195,7 +195,7 @@ def _divided(cost: Floats, size: Floats) -> tuple[list[int], float]:
     best[0] = 0.0
     for end in range(NARROWEST, n + 1):
         begin = np.arange(end - NARROWEST + 1)
-        totals = np.where(size[begin, end - 1] >= NARROWEST * 4, best[begin] + cost[begin, end - 1], np.inf)
+        totals = np.where(size[begin, end - 1] >= 2 * NARROWEST, best[begin] + cost[begin, end - 1], np.inf)
         k = int(np.argmin(totals))
         best[end], back[end] = totals[k], k
     ends, at = [], n
