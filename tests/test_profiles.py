@@ -79,7 +79,7 @@ def test_what_one_surface_explains_is_left_whole(seed):
 
 
 def test_a_short_arc_of_the_rib_does_not_pay_for_models():
-    points, n = ring(lambda r: np.where(np.abs(r - 36) < 2, 0.3, 0.0), np.random.default_rng(1), turn=0.5)
+    points, n = ring(lambda r: np.where(np.abs(r - 36) < 2, 0.3, 0.0), np.random.default_rng(1), turn=0.3)
     _, label, found, _ = divided(points, n, plane(0.1))
     np.testing.assert_array_equal(found, label)
 
