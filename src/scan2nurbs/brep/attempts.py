@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from scan2nurbs.brep.borders import BorderCurve
 from scan2nurbs.brep.conform import conformed, yielding
+from scan2nurbs.brep.known import Known
 from scan2nurbs.brep.shared import SharedFaces, sphere_axis, trim_faces
 from scan2nurbs.errors import NoResultError
 from scan2nurbs.faces.topology import Topology
@@ -95,10 +96,10 @@ def trim_part(
     def rank(attempt: Attempt) -> tuple[int, int]:
         return len(attempt.left(_MARGIN * bearable * h)), len(attempt.wide(most))
 
-    best = None
+    best, known = None, Known()
     caution = (0,) * len(topology.borders)
     for turn in range(_ROUNDS):
-        tried = Attempt(trim_faces(shapes, topology, h, scale, caution), tuple(shapes), caution)
+        tried = Attempt(trim_faces(shapes, topology, h, scale, caution, known=known), tuple(shapes), caution)
         tell(turn + 1, ATTEMPTS)
         best = tried if best is None or rank(tried) < rank(best) else best
         if rank(best) == (0, 0):
@@ -110,19 +111,19 @@ def trim_part(
     for turn in range(_BENDS):
         if rank(best) == (0, 0):
             break
-        tried = _bent(best, unbent, topology, h, scale, widest)
+        tried = _bent(best, unbent, topology, h, scale, widest, known)
         tell(_ROUNDS + turn + 1, ATTEMPTS)
         if tried is None or rank(tried) >= rank(best):
             break
         best = tried
-    best = _loosened(best, topology, h, scale, bearable)
+    best = _loosened(best, topology, h, scale, bearable, known)
     return best, _notes(best.made.curves, best.bent, unbent, widest * h, h)
 
 
-def _bent(best: Attempt, unbent: Sequence[Any], topology: Topology, h: float, scale: float, widest: float) -> Attempt | None:
+def _bent(best: Attempt, unbent: Sequence[Any], topology: Topology, h: float, scale: float, widest: float, known: Known) -> Attempt | None:
     """Bend the surfaces of faces that fail or do not meet their neighbours, and try again."""
     first = sorted(best.bent | best.made.failures.keys())
-    faces, curves = yielding(unbent, topology, h, best.caution, _MARGIN * widest, first)
+    faces, curves = yielding(unbent, topology, h, best.caution, _MARGIN * widest, first, known)
     shapes, bent = list(unbent), set()
     for f in faces:
         loops = topology.loops[f]
@@ -139,7 +140,7 @@ def _bent(best: Attempt, unbent: Sequence[Any], topology: Topology, h: float, sc
         return None
     around = {k for f in bent for loop in topology.loops[f] for k, _ in loop}
     caution = tuple(max(care, int(k in around) + int(k in around and bool(best.bent))) for k, care in enumerate(best.caution))
-    return Attempt(trim_faces(shapes, topology, h, scale, caution), tuple(shapes), caution, frozenset(bent))
+    return Attempt(trim_faces(shapes, topology, h, scale, caution, known=known), tuple(shapes), caution, frozenset(bent))
 
 
 def _dense(border: BorderCurve, h: float) -> NDArray[np.float64]:
@@ -148,13 +149,13 @@ def _dense(border: BorderCurve, h: float) -> NDArray[np.float64]:
     return points if length < 64 * _DENSE * h else border.curve(border.curve.samples(int(np.ceil(length / (_DENSE * h)))))
 
 
-def _loosened(best: Attempt, topology: Topology, h: float, scale: float, bearable: float) -> Attempt:
+def _loosened(best: Attempt, topology: Topology, h: float, scale: float, bearable: float, known: Known) -> Attempt:
     """Trim the faces again without those that failed, or that only too wide a tolerance would hold to their neighbours."""
     for _ in range(2):
         left = best.left(_MARGIN * bearable * h)
         if left.keys() == best.made.left_out:
             break
-        best = replace(best, made=trim_faces(best.shapes, topology, h, scale, best.caution, left))
+        best = replace(best, made=trim_faces(best.shapes, topology, h, scale, best.caution, left, known))
     return best
 
 

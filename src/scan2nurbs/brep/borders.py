@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scan2nurbs.brep.curve import fit_curve
+from scan2nurbs.brep.known import Known
 from scan2nurbs.brep.meeting import Loose, Meeting
 from scan2nurbs.brep.space import SpaceCurve, lay_curve, simple_curve
 from scan2nurbs.faces.topology import Border
@@ -74,7 +75,12 @@ class _Guide:
 
 
 def lay_borders(
-    borders: Sequence[Border], vertices: Floats, shapes: Sequence[Shape], h: float, caution: Sequence[int] | None = None
+    borders: Sequence[Border],
+    vertices: Floats,
+    shapes: Sequence[Shape],
+    h: float,
+    caution: Sequence[int] | None = None,
+    known: Known | None = None,
 ) -> tuple[list[BorderCurve], Floats]:
     """Lay a curve along every border, and the vertices where the surfaces and the curves that meet there agree.
 
@@ -89,6 +95,8 @@ def lay_borders(
         Spacing of the cloud.
     caution : sequence of int, optional
         How closely each border's own points are followed, whatever the surfaces say: 0 not at all, 1 by a fair curve, 2 by all of them.
+    known : Known, optional
+        Curves that were laid before.
 
     Returns
     -------
@@ -97,9 +105,27 @@ def lay_borders(
     vertices : (V, 3) float64
     """
     caution = caution or [0] * len(borders)
-    guides = [_guide(border, shapes, h, care) for border, care in zip(borders, caution, strict=True)]
-    placed = _place_vertices(borders, guides, vertices, shapes, h)
-    return [_lay(border, guide, placed, h) for border, guide in zip(borders, guides, strict=True)], placed
+    known = known or Known()
+    guides = []
+    for border, care in zip(borders, caution, strict=True):
+        beside = [shapes[f] for f in border.faces if f >= 0]
+        guides.append(known(("guide", border, care, *beside), lambda b=border, c=care: _guide(b, shapes, h, c)))
+    placed = _place_vertices(borders, guides, vertices, shapes, h, known)
+    curves = []
+    for border, guide in zip(borders, guides, strict=True):
+        ends = placed[list(border.vertices)].tobytes() if border.vertices[0] >= 0 else b""
+        curves.append(known(("curve", border, guide, ends), lambda b=border, g=guide: _lay(b, g, placed, h)))
+    return curves, placed
+
+
+def without_faces(border: Border, faces: Collection[int], known: Known) -> Border:
+    """Return a border that is free where some faces were."""
+    first, second = (-1 if f in faces else f for f in border.faces)
+    return (
+        border
+        if (first, second) == border.faces
+        else known(("free", border, first, second), lambda: replace(border, faces=(first, second)))
+    )
 
 
 def _guide(border: Border, shapes: Sequence[Shape], h: float, caution: int) -> _Guide:
@@ -183,7 +209,9 @@ def _ordered(points: Floats, along: Floats, closed: bool, h: float) -> Floats:
     return points
 
 
-def _place_vertices(borders: Sequence[Border], guides: Sequence[_Guide], vertices: Floats, shapes: Sequence[Shape], h: float) -> Floats:
+def _place_vertices(
+    borders: Sequence[Border], guides: Sequence[_Guide], vertices: Floats, shapes: Sequence[Shape], h: float, known: Known
+) -> Floats:
     """Move each vertex to where the surfaces around it meet; lines of contact and drawn curves decide what they leave open."""
     ends: list[list[tuple[int, int]]] = [[] for _ in range(len(vertices))]
     for k, border in enumerate(borders):
@@ -194,15 +222,21 @@ def _place_vertices(borders: Sequence[Border], guides: Sequence[_Guide], vertice
     for v, meet in enumerate(ends):
         around = sorted({f for k, _ in meet for f in borders[k].faces if f >= 0})
         if around:
-            vague = [guides[k] for k, _ in meet if guides[k].mode < 2]
-            prior = _PRIOR[max(guides[k].caution for k, _ in meet)]
-            # Surfaces that hardly meet would carry the vertex far away: it is then held more firmly.
-            for firm in (prior, 0.1, 0.3, 1.0):
-                found = _vertex(placed[v], [shapes[f] for f in around], vague, h, max(firm, prior))
-                if np.linalg.norm(found - placed[v]) <= _DRIFT * h:
-                    break
-            placed[v] = found
+            given = (placed[v], [shapes[f] for f in around], [guides[k] for k, _ in meet], h)
+            placed[v] = known(("vertex", given[0].tobytes(), *given[1], *given[2]), lambda g=given: _placed(*g))
     return placed
+
+
+def _placed(start: Floats, shapes: list[Shape], guides: list[_Guide], h: float) -> Floats:
+    vague = [guide for guide in guides if guide.mode < 2]
+    prior = _PRIOR[max(guide.caution for guide in guides)]
+    found = start
+    # Surfaces that hardly meet would carry the vertex far away: it is then held more firmly.
+    for firm in (prior, 0.1, 0.3, 1.0):
+        found = _vertex(start, shapes, vague, h, max(firm, prior))
+        if np.linalg.norm(found - start) <= _DRIFT * h:
+            break
+    return found
 
 
 def _vertex(start: Floats, shapes: list[Shape], guides: list[_Guide], h: float, prior: float) -> Floats:

@@ -97,20 +97,24 @@ def check(shape: Any) -> ModelCheck:
     )
 
 
-def is_valid(shape: Any) -> bool:
-    """Return whether the kernel's own analysis finds nothing wrong with a shape."""
+def is_valid(shape: Any, *, geometry: bool = True) -> bool:
+    """Return whether the kernel's own analysis finds nothing wrong with a shape.
+
+    Without `geometry` curves and surfaces are taken as valid, and only what is built of them is looked at, triangles included.
+    """
     from OCP.BRepCheck import BRepCheck_Analyzer
 
     with kernel_errors("analyse the shape"):
-        return bool(BRepCheck_Analyzer(shape, True).IsValid())
+        return bool(BRepCheck_Analyzer(shape, geometry, True).IsValid())
 
 
 def is_valid_meshed(shape: Any, every: bool = True) -> bool:
-    """Return whether a shape can be triangulated, and the kernel's analysis finds nothing wrong with it then.
+    """Return whether a valid shape can be triangulated, and the kernel's analysis finds nothing wrong with it then.
 
     Parameters
     ----------
     shape : TopoDS_Shape
+        Valid by `is_valid`: triangles do not change its geometry, of which the analysis may take seconds.
     every : bool
         Whether both coarse and fine triangles must be possible, or one of the two is enough.
     """
@@ -138,4 +142,4 @@ def _meshes(shape: Any, deflection: float, least: float, angle: float) -> bool:
     if least:  # else a wrinkle, however small, is meshed until its angles are small
         how.MinSize = max(least, CONFUSION)
     mesh = BRepMesh_IncrementalMesh(copy, how)
-    return mesh.GetStatusFlags() & _FAILURES == 0 and is_valid(copy)
+    return mesh.GetStatusFlags() & _FAILURES == 0 and is_valid(copy, geometry=False)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,8 +11,9 @@ from scipy.interpolate import BSpline
 from scipy.sparse import csr_matrix, diags, eye, kron
 from scipy.sparse.linalg import spsolve
 
-from scan2nurbs.brep.borders import BorderCurve, lay_borders
+from scan2nurbs.brep.borders import BorderCurve, lay_borders, without_faces
 from scan2nurbs.brep.charts import Chart, chart_of
+from scan2nurbs.brep.known import Known
 from scan2nurbs.brep.layout import unrolled
 from scan2nurbs.brep.wide import WideSpline, widened
 from scan2nurbs.errors import NoResultError
@@ -38,7 +38,13 @@ _HOLD, _STAY, _SMOOTH = 0.05, 0.3, 0.15
 
 
 def yielding(
-    shapes: Sequence[Shape], topology: Topology, h: float, caution: Sequence[int], widest: float, first: Sequence[int]
+    shapes: Sequence[Shape],
+    topology: Topology,
+    h: float,
+    caution: Sequence[int],
+    widest: float,
+    first: Sequence[int],
+    known: Known,
 ) -> tuple[list[int], list[BorderCurve]]:
     """Choose faces to be bent until the surfaces of all others meet in their borders.
 
@@ -55,6 +61,8 @@ def yielding(
         Largest distance of a border to its surfaces, in h.
     first : sequence of int
         Faces that are bent in any case.
+    known : Known
+        Curves that were laid before.
 
     Returns
     -------
@@ -68,9 +76,8 @@ def yielding(
     area = np.bincount(topology.mesh.face, size, minlength=topology.n_faces)
     bent, curves = set(first), list[BorderCurve]()
     for _ in range(_ROUNDS):
-        sides = [tuple(-1 if f in bent else f for f in b.faces) for b in topology.borders]
-        borders = [replace(b, faces=pair) for b, pair in zip(topology.borders, sides, strict=True)]
-        curves, _ = lay_borders(borders, topology.vertices, shapes, h, caution)
+        borders = [without_faces(b, bent, known) for b in topology.borders]
+        curves, _ = lay_borders(borders, topology.vertices, shapes, h, caution, known)
         wide = sorted((-c.gap, k) for k, c in enumerate(curves) if min(c.faces) >= 0 and c.gap > widest * h)
         moved: set[int] = set()
         for _, k in wide:

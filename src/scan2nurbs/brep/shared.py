@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scan2nurbs.brep.borders import BorderCurve, lay_borders
+from scan2nurbs.brep.borders import BorderCurve, lay_borders, without_faces
 from scan2nurbs.brep.charts import chart_of
 from scan2nurbs.brep.check import is_valid, is_valid_meshed
+from scan2nurbs.brep.known import Known
 from scan2nurbs.brep.layout import Layout, cuts, lay_out
 from scan2nurbs.brep.occ import kernel_errors
 from scan2nurbs.brep.regions import regions
@@ -65,6 +66,7 @@ def trim_faces(
     scale: float,
     caution: Sequence[int] | None = None,
     without: Mapping[int, str] | None = None,
+    known: Known | None = None,
 ) -> SharedFaces:
     """Trim the faces of a topology along curves that are laid once a border.
 
@@ -81,16 +83,17 @@ def trim_faces(
         As in `lay_borders`.
     without : mapping of int to str, optional
         Faces to leave out, and why: where they were, their neighbours end freely.
+    known : Known, optional
+        What attempts to trim the faces of the same topology have computed.
     """
-    skipped = dict(without or {})
+    skipped, known = dict(without or {}), known or Known()
     if skipped:
-        sides = [(-1 if b.faces[0] in skipped else b.faces[0], -1 if b.faces[1] in skipped else b.faces[1]) for b in topology.borders]
-        topology = replace(topology, borders=tuple(replace(b, faces=pair) for b, pair in zip(topology.borders, sides, strict=True)))
-    shapes = [widened(shape, border_points(topology, f), h) for f, shape in enumerate(shapes)]
-    curves, vertices = lay_borders(topology.borders, topology.vertices, shapes, h, caution)
+        topology = replace(topology, borders=tuple(without_faces(border, skipped, known) for border in topology.borders))
+    shapes = [known(("wide", f, s), lambda f=f, s=s: widened(s, border_points(topology, f), h)) for f, s in enumerate(shapes)]
+    curves, vertices = lay_borders(topology.borders, topology.vertices, shapes, h, caution, known)
     work = _Work(curves, vertices, [[] for _ in curves], failures=dict(skipped))
     layouts = [None if f in skipped else _layout(work, shape, _loops(topology, f), f, h, scale) for f, shape in enumerate(shapes)]
-    _cut(work)
+    _cut(work, known)
     kernel = KernelPart(work.vertices, work.pieces, scale, 0.0)
     faces: list[list[Any]] = [[] for _ in shapes]
     for f, layout in enumerate(layouts):
@@ -104,11 +107,29 @@ def trim_faces(
         except (NoResultError, ValueError, IndexError) as error:
             work.failures[f], faces[f] = str(error), []
     for f, made in enumerate(faces):
-        if made and not all(is_valid(face) for face in made):
-            work.failures[f] = "The CAD kernel's check finds it invalid."
-        elif made and not all(is_valid_meshed(face, every=False) for face in made):
-            work.failures[f] = "It cannot be triangulated."
+        if made:
+            outline = _outline(work, kernel, [step for loop in _loops(topology, f) for step in loop])
+            fault = known(("fault", f, shapes[f], len(made), *outline), lambda m=made: _fault(m))
+            work.failures.update({f: fault} if fault else {})
     return SharedFaces(tuple(tuple(made) for made in faces), work.failures, tuple(work.curves), frozenset(skipped))
+
+
+def _fault(made: Sequence[Any]) -> str:
+    """Return what is wrong with the faces that a face was made into, nothing if nothing is."""
+    if not all(is_valid(face) for face in made):
+        return "The CAD kernel's check finds it invalid."
+    return "" if all(is_valid_meshed(face, every=False) for face in made) else "It cannot be triangulated."
+
+
+def _outline(work: _Work, kernel: KernelPart, loop: Sequence[tuple[int, bool]]) -> list[object]:
+    """List all that the kernel is told of the edges and vertices around a face."""
+    out: list[object] = []
+    for border, forward in loop:
+        for number, _ in _pieces_of(work, border, forward):
+            piece = work.pieces[number]
+            ends = work.vertices[list(piece.nodes)].tobytes()
+            out += [piece.curve, *piece.domain, piece.gap, forward, ends, *(kernel.tolerance(node) for node in piece.nodes)]
+    return out
 
 
 def border_points(topology: Topology, f: int) -> Floats:
@@ -148,7 +169,7 @@ def _mark(marks: list[float], found: list[float], curve: BorderCurve, h: float) 
             marks.append(t)
 
 
-def _cut(work: _Work) -> None:
+def _cut(work: _Work, known: Known) -> None:
     vertices = list(work.vertices)
 
     def vertex(point: Floats) -> int:
@@ -156,7 +177,8 @@ def _cut(work: _Work) -> None:
         return len(vertices) - 1
 
     for k in range(len(work.curves)):
-        border, at = _started(work.curves[k], sorted(work.marks[k]))
+        given, marks = work.curves[k], sorted(work.marks[k])
+        border, at = known(("started", given, *marks), lambda g=given, m=marks: _started(g, m))
         work.curves[k] = border
         nodes = [vertex(point) for point in border.curve(np.array(at))] if at else []
         first, last = border.vertices

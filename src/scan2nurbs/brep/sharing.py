@@ -103,6 +103,12 @@ class KernelPart:
             self.build.Add(face, wire)
         return TopoDS.Face(face.Oriented(TopAbs_REVERSED)) if reverse else face
 
+    def tolerance(self, node: int) -> float:
+        """Return the tolerance of a vertex, in the kernel's lengths."""
+        from OCP.BRep import BRep_Tool
+
+        return float(BRep_Tool.Tolerance_s(self.vertices[node]))
+
     def _vertex(self, point: Floats) -> Any:
         from OCP.gp import gp_Pnt
         from OCP.TopoDS import TopoDS_Vertex

@@ -179,12 +179,19 @@ def drop_outliers(sheet: Sheet, label: NDArray[np.int32], models: NDArray[np.flo
 
 
 def split_pieces(
-    sheet: Sheet, label: NDArray[np.int32], models: NDArray[np.float64], least: int
+    sheet: Sheet, label: NDArray[np.int32], models: NDArray[np.float64], least: int, *, strips: bool = False
 ) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
-    """Give every connected piece of a label its own model; pieces of fewer than `least` points lose their label."""
+    """Give every connected piece of a label its own model; pieces of fewer than `least` points lose their label.
+
+    Points that are neighbours are connected; where labels may be strips too narrow for that, all that have a neighbour in common are.
+    """
     n, k = sheet.neighbours.shape
     j = sheet.neighbours.ravel()
     i = np.repeat(np.arange(n), k)
+    if strips:
+        by_label = np.argsort(label[sheet.neighbours], axis=1, kind="stable")
+        near = np.take_along_axis(sheet.neighbours, by_label, axis=1)
+        i, j = np.concatenate([i, near[:, :-1].ravel()]), np.concatenate([j, near[:, 1:].ravel()])
     same = (j >= 0) & (label[i] == label[j]) & (label[i] >= 0)
     graph = coo_array((np.ones(int(same.sum()), np.int8), (i[same], j[same])), shape=(n, n))
     _, piece = connected_components(graph, directed=False)

@@ -94,5 +94,5 @@ def find_primitives(
     label, models = split_profiles(sheet, label, models, refits)
     if kinds[CYLINDER] and kinds[TORUS]:
         _, label, models = find_fillets(sheet, label, plainest_models(sheet, label, models, refits))
-        label, models = split_pieces(sheet, label, models, least)
+    label, models = split_pieces(sheet, label, models, least, strips=True)
     return drop_outliers(sheet, adopt(sheet, label, models, RINGS), models), models
