@@ -118,7 +118,7 @@ def _fault(made: Sequence[Any]) -> str:
     """Return what is wrong with the faces that a face was made into, nothing if nothing is."""
     if not all(is_valid(face) for face in made):
         return "The CAD kernel's check finds it invalid."
-    return "" if all(is_valid_meshed(face, every=False) for face in made) else "It cannot be triangulated."
+    return "" if all(is_valid_meshed(face) for face in made) else "It cannot be triangulated."
 
 
 def _outline(work: _Work, kernel: KernelPart, loop: Sequence[tuple[int, bool]]) -> list[object]:
