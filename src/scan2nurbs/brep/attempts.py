@@ -64,7 +64,15 @@ class Attempt:
 
 
 def trim_part(
-    shapes: Sequence[Any], topology: Topology, h: float, scale: float, widest: float, bearable: float, tell: Progress
+    shapes: Sequence[Any],
+    topology: Topology,
+    h: float,
+    scale: float,
+    widest: float,
+    bearable: float,
+    tell: Progress,
+    known: Known | None = None,
+    fine: bool = False,
 ) -> tuple[Attempt, list[str]]:
     """Trim the faces of a part along shared borders.
 
@@ -83,6 +91,10 @@ def trim_part(
         Tolerance of an edge, in h, above which one of its faces is left out.
     tell : callable
         Called with (attempts done, `ATTEMPTS`).
+    known : Known, optional
+        What was computed for the same topology.
+    fine : bool
+        Whether faces must have fine triangles, too.
 
     Returns
     -------
@@ -96,10 +108,10 @@ def trim_part(
     def rank(attempt: Attempt) -> tuple[int, int]:
         return len(attempt.left(_MARGIN * bearable * h)), len(attempt.wide(most))
 
-    best, known = None, Known()
+    best, known = None, known or Known()
     caution = (0,) * len(topology.borders)
     for turn in range(_ROUNDS):
-        tried = Attempt(trim_faces(shapes, topology, h, scale, caution, known=known), tuple(shapes), caution)
+        tried = Attempt(trim_faces(shapes, topology, h, scale, caution, known=known, fine=fine), tuple(shapes), caution)
         tell(turn + 1, ATTEMPTS)
         best = tried if best is None or rank(tried) < rank(best) else best
         if rank(best) == (0, 0):
@@ -111,16 +123,25 @@ def trim_part(
     for turn in range(_BENDS):
         if rank(best) == (0, 0):
             break
-        tried = _bent(best, unbent, topology, h, scale, widest, known)
+        tried = _bent(best, unbent, topology, h, scale, widest, known, fine)
         tell(_ROUNDS + turn + 1, ATTEMPTS)
         if tried is None or rank(tried) >= rank(best):
             break
         best = tried
-    best = _loosened(best, topology, h, scale, bearable, known)
+    best = _loosened(best, topology, h, scale, bearable, known, fine)
     return best, _notes(best.made.curves, best.bent, unbent, widest * h, h)
 
 
-def _bent(best: Attempt, unbent: Sequence[Any], topology: Topology, h: float, scale: float, widest: float, known: Known) -> Attempt | None:
+def _bent(
+    best: Attempt,
+    unbent: Sequence[Any],
+    topology: Topology,
+    h: float,
+    scale: float,
+    widest: float,
+    known: Known,
+    fine: bool,
+) -> Attempt | None:
     """Bend the surfaces of faces that fail or do not meet their neighbours, and try again."""
     first = sorted(best.bent | best.made.failures.keys())
     faces, curves = yielding(unbent, topology, h, best.caution, _MARGIN * widest, first, known)
@@ -140,7 +161,7 @@ def _bent(best: Attempt, unbent: Sequence[Any], topology: Topology, h: float, sc
         return None
     around = {k for f in bent for loop in topology.loops[f] for k, _ in loop}
     caution = tuple(max(care, int(k in around) + int(k in around and bool(best.bent))) for k, care in enumerate(best.caution))
-    return Attempt(trim_faces(shapes, topology, h, scale, caution, known=known), tuple(shapes), caution, frozenset(bent))
+    return Attempt(trim_faces(shapes, topology, h, scale, caution, known=known, fine=fine), tuple(shapes), caution, frozenset(bent))
 
 
 def _dense(border: BorderCurve, h: float) -> NDArray[np.float64]:
@@ -149,13 +170,13 @@ def _dense(border: BorderCurve, h: float) -> NDArray[np.float64]:
     return points if length < 64 * _DENSE * h else border.curve(border.curve.samples(int(np.ceil(length / (_DENSE * h)))))
 
 
-def _loosened(best: Attempt, topology: Topology, h: float, scale: float, bearable: float, known: Known) -> Attempt:
+def _loosened(best: Attempt, topology: Topology, h: float, scale: float, bearable: float, known: Known, fine: bool) -> Attempt:
     """Trim the faces again without those that failed, or that only too wide a tolerance would hold to their neighbours."""
     for _ in range(2):
         left = best.left(_MARGIN * bearable * h)
         if left.keys() == best.made.left_out:
             break
-        best = replace(best, made=trim_faces(best.shapes, topology, h, scale, best.caution, left, known))
+        best = replace(best, made=trim_faces(best.shapes, topology, h, scale, best.caution, left, known, fine))
     return best
 
 

@@ -18,6 +18,7 @@ from scan2nurbs.brep.check import check, is_valid, is_valid_meshed
 from scan2nurbs.brep.deviation import deviation, sample
 from scan2nurbs.brep.face import kernel_scale
 from scan2nurbs.brep.join import Surroundings, join_faces
+from scan2nurbs.brep.known import Known
 from scan2nurbs.brep.occ import silence
 from scan2nurbs.brep.shared import SharedFaces
 from scan2nurbs.brep.solids import compound, tolerance, volume
@@ -29,6 +30,7 @@ from scan2nurbs.scale import Scale
 Floats = NDArray[np.float64]
 
 _ASTRAY, _SOME = 3.0, 0.05
+_STEPS = 2 * ATTEMPTS + 2
 _TOO_LARGE = "It would reach far beyond its points"
 
 
@@ -179,12 +181,26 @@ def build_part(
     factor = kernel_scale(float(np.linalg.norm(np.ptp(points, axis=0))))
     tell = progress or (lambda done, total: None)
     shapes = [fits[k].shape for k in topology.source]
-    trimmed, notes = trim_part(shapes, topology, scale.h, factor, params.widest, params.bearable, lambda done, _: tell(done, ATTEMPTS + 2))
-    faces, how = _completed(trimmed, shapes, topology, scale.h, factor, params, notes)
-    tell(ATTEMPTS + 1, ATTEMPTS + 2)
-    model = _model(points, trimmed.shapes, topology, trimmed.made, faces, how, scale, factor, params, notes)
-    tell(ATTEMPTS + 2, ATTEMPTS + 2)
-    return model
+    known, best = Known(), None
+    for turn, fine in enumerate((False, True)):
+
+        def attempted(done: int, _: int, turn: int = turn) -> None:
+            tell(turn * (ATTEMPTS + 1) + done, _STEPS)
+
+        trimmed, notes = trim_part(shapes, topology, scale.h, factor, params.widest, params.bearable, attempted, known, fine)
+        faces, how = _completed(trimmed, shapes, topology, scale.h, factor, params, notes)
+        model = _model(points, trimmed.shapes, topology, trimmed.made, faces, how, scale, factor, params, notes)
+        best = model if best is None or _rank(model) > _rank(best) else best
+        # Faces that get an outline of their own for their triangles may be trimmed better when these are asked for at once.
+        if model.valid and not any(face.trimmed in ("alone", "lost") for face in model.faces):
+            break
+    assert best is not None
+    tell(_STEPS, _STEPS)
+    return best
+
+
+def _rank(model: PartModel) -> tuple[bool, bool, int]:
+    return model.valid, model.closed, -model.n_free_edges
 
 
 def _completed(

@@ -67,6 +67,7 @@ def trim_faces(
     caution: Sequence[int] | None = None,
     without: Mapping[int, str] | None = None,
     known: Known | None = None,
+    fine: bool = False,
 ) -> SharedFaces:
     """Trim the faces of a topology along curves that are laid once a border.
 
@@ -85,6 +86,8 @@ def trim_faces(
         Faces to leave out, and why: where they were, their neighbours end freely.
     known : Known, optional
         What attempts to trim the faces of the same topology have computed.
+    fine : bool
+        Whether a face that coarse triangles fit, but no fine ones, has failed.
     """
     skipped, known = dict(without or {}), known or Known()
     if skipped:
@@ -109,16 +112,16 @@ def trim_faces(
     for f, made in enumerate(faces):
         if made:
             outline = _outline(work, kernel, [step for loop in _loops(topology, f) for step in loop])
-            fault = known(("fault", f, shapes[f], len(made), *outline), lambda m=made: _fault(m))
+            fault = known(("fault", f, shapes[f], fine, len(made), *outline), lambda m=made: _fault(m, fine))
             work.failures.update({f: fault} if fault else {})
     return SharedFaces(tuple(tuple(made) for made in faces), work.failures, tuple(work.curves), frozenset(skipped))
 
 
-def _fault(made: Sequence[Any]) -> str:
+def _fault(made: Sequence[Any], fine: bool) -> str:
     """Return what is wrong with the faces that a face was made into, nothing if nothing is."""
     if not all(is_valid(face) for face in made):
         return "The CAD kernel's check finds it invalid."
-    return "" if all(is_valid_meshed(face) for face in made) else "It cannot be triangulated."
+    return "" if all(is_valid_meshed(face, every=fine) for face in made) else "It cannot be triangulated."
 
 
 def _outline(work: _Work, kernel: KernelPart, loop: Sequence[tuple[int, bool]]) -> list[object]:

@@ -29,7 +29,7 @@ REACH = 3.0
 CAP = 8.0
 """Most that a deviation costs, as half a squared one in standard deviations."""
 BENT = 0.1
-"""Radians by which normals turn from band to band where surfaces bend so unlike that their normals tell the line of contact."""
+"""Radians by which normals turn from band to band at least where surfaces bend so unlike that they tell the line of contact."""
 DEARER = 1.0
 """Points that were on the wrong side of a border cost by no more than this more on the other, on average."""
 INDIFFERENT = 2.0
@@ -93,8 +93,8 @@ def _strays(
     if np.median(np.abs(dot)) < np.cos(np.radians(CROSSING)) or alike:
         side_i, side_j = _side(di[~on_i]), _side(dj[on_i])
         across = side_i * di - side_j * dj if side_i and side_j else np.where(on_i, -1.0, 1.0)
-    elif here * there < 0.0:
-        across = turn - _cut(turn, (di / noise) ** 2, (dj / noise) ** 2, on_i, there - here > BENT)
+    elif here < 0.0 < there and there - here > BENT:
+        across = turn - _cut(turn, (di / noise) ** 2, (dj / noise) ** 2)
     else:
         return []
     stray = np.where(on_i, across > 0.0, across < 0.0)
@@ -120,19 +120,17 @@ def _across(p: Floats, turn: Floats, on_i: NDArray[np.bool_]) -> Floats:
     return across * (1.0 if across[~on_i].mean() >= across[on_i].mean() else -1.0)
 
 
-def _cut(turn: Floats, on_first: Floats, on_second: Floats, on_i: NDArray[np.bool_], bent: bool) -> float:
+def _cut(turn: Floats, on_first: Floats, on_second: Floats) -> float:
     """Return where to cut the points, ordered by the turn, in those of the first and those of the second face.
 
-    Of the cuts that cost about as little as the best one, that which changes the fewest labels.
+    Of the cuts that cost about as little as the best one, that nearest to where the normals agree.
     """
     order = np.argsort(turn, kind="stable")
     gain = np.minimum(0.5 * on_first[order], CAP) - np.minimum(0.5 * on_second[order], CAP)
     cost = np.r_[0.0, np.cumsum(gain)]
-    changed = np.r_[0, np.cumsum(np.where(on_i[order], -1, 1))]
+    at = np.append(turn[order], turn[order[-1]])
     good = np.flatnonzero(cost <= cost.min() + INDIFFERENT)
-    ordered = turn[order]
-    cut = int(good[np.argmin(np.abs(np.append(ordered, ordered[-1])[good]) if bent else changed[good])])
-    return float(turn[order[min(cut, len(order) - 1)]])
+    return float(at[good[np.argmin(np.abs(at[good]))]])
 
 
 def _kept(label: NDArray[np.int32], moved: NDArray[np.int32], n: int) -> NDArray[np.int32]:
