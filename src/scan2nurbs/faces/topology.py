@@ -16,6 +16,7 @@ from scan2nurbs.faces.double import part_double_edges
 from scan2nurbs.faces.draw import draw
 from scan2nurbs.faces.merge import merge_vertices
 from scan2nurbs.faces.orient import find_patches, outward_signs
+from scan2nurbs.faces.pinholes import close_pinholes
 from scan2nurbs.faces.regions import find_regions
 from scan2nurbs.faces.relabel import Samples, take_samples
 from scan2nurbs.faces.sheet import Sheet, components, drop_triangles, is_covered, is_pinhole, peel, span_sheet, triangle_areas
@@ -133,7 +134,8 @@ def _trim(sheet: Sheet, points: Floats, outward: Floats, samples: Samples, scale
     if not params.fill_holes:
         covered = is_covered(sheet, points, samples.spacing, scale.cells, params.reach)
         sheet = drop_triangles(sheet, covered | is_pinhole(sheet, points, samples.label, covered, PINHOLE * samples.h**2))
-        sheet = peel(sheet, points, outward)
+        # A quarter of the area within a face counts as chance anywhere, too: so does a hole with the circumference of such a circle.
+        sheet = close_pinholes(peel(sheet, points, outward), points, np.sqrt(np.pi * PINHOLE) * samples.h)
     n, piece = components(sheet)
     area = np.bincount(piece, triangle_areas(points, sheet.source[sheet.triangles]), minlength=n)
     small = area < params.least_area * samples.h**2
