@@ -11,6 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import KDTree
 
+from scan2nurbs.brep.alone import trim_anew
+from scan2nurbs.brep.check import is_valid
 from scan2nurbs.brep.conform import conformed
 from scan2nurbs.brep.part import build_part
 from scan2nurbs.errors import NoResultError
@@ -147,3 +149,34 @@ def test_planes_on_both_sides_of_a_low_step_look_the_same_way_and_those_of_a_thi
             normals = np.where(patch[:, None] == 0, Z, turn * Z)
             found = signs_of(points, normals, patch)
             assert bool(found[0] == turn * found[1]) is same
+
+
+def test_a_face_that_holds_a_pole_of_a_narrow_torus_is_not_lost():
+    rng = np.random.default_rng(4)
+    points, labels, fits = [], [], []
+    for origin, u, v, depth in (
+        (ZERO, X, Y, 20),
+        (10 * Z, X, Y, 20),
+        (ZERO, Y, Z, 10),
+        (20 * X, Y, Z, 10),
+        (ZERO, X, Z, 10),
+        (20 * Y, X, Z, 10),
+    ):
+        a, b = (g.ravel() + rng.uniform(-0.3, 0.3, g.size) for g in np.meshgrid(np.arange(0.5, 20), np.arange(0.5, depth)))
+        points.append(origin + a[:, None] * u + b[:, None] * v)
+        labels.append(np.full(len(a), len(fits)))
+        fits.append(Fit(Plane(np.array(origin, float), np.cross(u, v))))
+    # The top was taken for a torus whose tube is wider than its ring: within it lies a dent where the surface passes through its axis.
+    fits[1] = Fit(Torus(center=np.array([10.0, 10.0, -89.9]), axis=Z, major=5.0, minor=100.0))
+    cloud = np.concatenate(points)
+    cloud += rng.normal(scale=0.1, size=cloud.shape)
+    scale = measure_scale(cloud)
+    topology = find_topology(cloud, np.concatenate(labels).astype(np.int32), fits, scale)
+    part = build_part(cloud, fits, topology, scale)
+    assert part.valid
+    assert part.closed
+    assert not any(face.trimmed == "lost" for face in part.faces)
+    assert part.volume == pytest.approx(20 * 20 * 10, rel=0.03)
+    alone = trim_anew(int(np.flatnonzero(topology.source == 1)[0]), topology, scale.h, 1.0)
+    assert len(alone) == 1
+    assert is_valid(alone[0])

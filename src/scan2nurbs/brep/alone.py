@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scan2nurbs.brep.build import build_face
 from scan2nurbs.brep.charts import Chart, SplineChart, chart_of
 from scan2nurbs.brep.check import is_valid, is_valid_meshed
+from scan2nurbs.brep.conform import mesh_surface
 from scan2nurbs.brep.face import trimmed_face
 from scan2nurbs.brep.layout import unrolled
 from scan2nurbs.brep.outline import Loop as Polyline
@@ -67,6 +68,14 @@ def trim_alone(f: int, shape: Shape, topology: Topology, h: float, scale: float)
             return made.faces[0]
     try:
         return _outlined(widened(shape, border_points(topology, f), h), topology, f, h, scale)
+    except (NoResultError, ValueError):
+        return ()
+
+
+def trim_anew(f: int, topology: Topology, h: float, scale: float) -> tuple[Any, ...]:
+    """Trim one face on a B-spline surface through its part of the mesh, which has no poles and fits its borders; see `trim_alone`."""
+    try:
+        return _outlined(widened(mesh_surface(topology, f, h), border_points(topology, f), h), topology, f, h, scale)
     except (NoResultError, ValueError):
         return ()
 

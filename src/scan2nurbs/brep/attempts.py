@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scan2nurbs.brep.borders import BorderCurve
-from scan2nurbs.brep.conform import conformed, yielding
+from scan2nurbs.brep.conform import conformed, mesh_surface, yielding
 from scan2nurbs.brep.known import Known
 from scan2nurbs.brep.shared import SharedFaces, sphere_axis, trim_faces
 from scan2nurbs.errors import NoResultError
@@ -152,16 +152,31 @@ def _bent(
         for loop in loops:
             parts = [_dense(curves[k], h) for k, _ in loop]
             lines.append(np.vstack([line if forward else line[::-1] for line, (_, forward) in zip(parts, loop, strict=True)]))
-        try:
-            shapes[f] = conformed(unbent[f], lines, h, sphere_axis(unbent[f], loops, curves))
+        # What could not even be made holds a pole of its surface, as a narrow torus does.
+        own = unbent[f] if best.made.faces[f] or f not in best.made.failures else None
+        bend = _reaching(own, f, topology, lines, h, sphere_axis(unbent[f], loops, curves))
+        if bend is not None:
+            shapes[f] = bend
             bent.add(f)
-        except (NoResultError, ValueError):
-            continue
     if not bent:
         return None
     around = {k for f in bent for loop in topology.loops[f] for k, _ in loop}
     caution = tuple(max(care, int(k in around) + int(k in around and bool(best.bent))) for k, care in enumerate(best.caution))
     return Attempt(trim_faces(shapes, topology, h, scale, caution, known=known, fine=fine), tuple(shapes), caution, frozenset(bent))
+
+
+def _reaching(
+    shape: Any | None, f: int, topology: Topology, lines: list[NDArray[np.float64]], h: float, towards: NDArray[np.float64] | None
+) -> Any | None:
+    """Return the surface of a face bent to its borders, or that of its part of the mesh if that cannot be; None if neither can."""
+    for surface in (lambda: shape, lambda: mesh_surface(topology, f, h)):
+        try:
+            bend = surface()
+            if bend is not None:
+                return conformed(bend, lines, h, towards)
+        except (NoResultError, ValueError):
+            continue
+    return None
 
 
 def _dense(border: BorderCurve, h: float) -> NDArray[np.float64]:

@@ -16,10 +16,11 @@ from scan2nurbs.brep.charts import Chart, chart_of
 from scan2nurbs.brep.known import Known
 from scan2nurbs.brep.layout import unrolled
 from scan2nurbs.brep.wide import WideSpline, widened
-from scan2nurbs.errors import NoResultError
+from scan2nurbs.errors import InputError, NoResultError
 from scan2nurbs.faces.topology import Topology
 from scan2nurbs.surfaces.bspline import bicubic
 from scan2nurbs.surfaces.shape import Shape
+from scan2nurbs.surfaces.shape_fit import fit_shape
 
 Floats = NDArray[np.float64]
 
@@ -35,6 +36,7 @@ _TURN = 48
 _FARTHEST = 5.0
 """A surface farther than this from its border, in h, is another one."""
 _HOLD, _STAY, _SMOOTH = 0.05, 0.3, 0.15
+_MESH_NOISE = 0.05
 
 
 def yielding(
@@ -88,6 +90,21 @@ def yielding(
         if not wide:
             break
     return sorted(bent), curves
+
+
+def mesh_surface(topology: Topology, f: int, h: float) -> Shape:
+    """Fit a B-spline surface to a face's part of the mesh: what its own surface cannot do where it holds a pole of that.
+
+    Raises
+    ------
+    NoResultError
+        If no surface fits.
+    """
+    mesh = topology.mesh
+    try:
+        return fit_shape("bspline", mesh.vertices[np.unique(mesh.triangles[mesh.face == f])], noise=_MESH_NOISE * h).shape
+    except InputError as error:
+        raise NoResultError(str(error)) from error
 
 
 def conformed(shape: Shape, loops: Sequence[Floats], h: float, towards: Floats | None = None) -> WideSpline:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from scan2nurbs.brep.alone import trim_alone
+from scan2nurbs.brep.alone import trim_alone, trim_anew
 from scan2nurbs.brep.attempts import ATTEMPTS, TOO_WIDE, Attempt, trim_part
 from scan2nurbs.brep.borders import BorderCurve
 from scan2nurbs.brep.cad import tessellate
@@ -224,8 +224,9 @@ def _completed(
             how.append("bent" if f in trimmed.bent else "followed" if any(caution[k] for k in borders) else "shared")
             continue
         faces[f] = trim_alone(f, shapes[f], topology, h, factor)
-        if _is_astray(faces[f], room[f], topology, h, factor):
-            faces[f] = ()
+        if not faces[f] or _is_astray(faces[f], room[f], topology, h, factor):
+            anew = trim_anew(f, topology, h, factor)
+            faces[f] = () if _is_astray(anew, room[f], topology, h, factor) else anew
         how.append("alone" if faces[f] else "lost")
         why = f"Face {f + 1} ({shapes[f].kind}) does not fit its neighbours ({why_not.rstrip('.')}): "
         notes.append(why + ("it has its own outline." if faces[f] else "it could not be made."))
