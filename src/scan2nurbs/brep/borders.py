@@ -270,7 +270,7 @@ def _lay(border: Border, guide: _Guide, vertices: Floats, h: float) -> BorderCur
             first, last = border.points[0], border.points[-1]
         points = _between(guide, first, last)
     points = _distinct(points, h)
-    curve = simple_curve(points, closed, _SIMPLE[guide.mode] * h, _KEEP_END * h) if guide.caution < 2 else None
+    curve = simple_curve(points, closed, _SIMPLE[guide.mode] * h, _keep_end(guide) * h) if guide.caution < 2 else None
     if curve is None:
         # A loop that folds back on itself may be thinned to equal points.
         curve = lay_curve(_distinct(_thinned(points, 2.0 * h), h), closed=closed, tolerance=_STRAY[guide.mode] * h, draw=_drawing(guide))
@@ -297,7 +297,12 @@ def _drawing(guide: _Guide) -> Any:
 def _ends(guide: _Guide, vertices: Floats, h: float) -> Floats:
     """Return where the border's curve ends at its vertices: on the border if that is near, else in the vertex itself."""
     drawn = _drawing(guide)(vertices)
-    return np.where((np.linalg.norm(drawn - vertices, axis=1) <= _KEEP_END * h)[:, None], drawn, vertices)
+    return np.where((np.linalg.norm(drawn - vertices, axis=1) <= _keep_end(guide) * h)[:, None], drawn, vertices)
+
+
+def _keep_end(guide: _Guide) -> float:
+    """Return how far, in h, a curve may end from its vertex: where a face failed it ends there, lest neighbours cross before they meet."""
+    return 1e-3 if guide.caution else _KEEP_END
 
 
 def _between(guide: _Guide, first: Floats, last: Floats) -> Floats:
