@@ -30,6 +30,7 @@ from scan2nurbs.scale import Scale
 Floats = NDArray[np.float64]
 
 _ASTRAY, _SOME = 3.0, 0.05
+_FEW = 4
 _STEPS = 2 * ATTEMPTS + 2
 _TOO_LARGE = "It would reach far beyond its points"
 
@@ -191,8 +192,10 @@ def build_part(
         faces, how = _completed(trimmed, shapes, topology, scale.h, factor, params, notes)
         model = _model(points, trimmed.shapes, topology, trimmed.made, faces, how, scale, factor, params, notes)
         best = model if best is None or _rank(model) > _rank(best) else best
-        # Faces that get an outline of their own for their triangles may be trimmed better when these are asked for at once.
-        if model.valid and not any(face.trimmed in ("alone", "lost") for face in model.faces):
+        # Faces that get an outline of their own for their triangles may be trimmed better when these are asked for at once; a part on
+        # which many fail does not close by that.
+        failed = sum(face.trimmed in ("alone", "lost") for face in model.faces)
+        if model.valid and not 0 < failed <= _FEW:
             break
     assert best is not None
     tell(_STEPS, _STEPS)
