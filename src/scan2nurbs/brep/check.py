@@ -10,7 +10,7 @@ from typing import Any
 
 from scan2nurbs.brep.occ import CONFUSION, kernel_errors, silence
 
-_MESHES = ((1e-2, 0.0, 0.5), (2e-3, 5e-4, 0.1))
+_MESHES = ((1e-2, 0.0, 0.5), (2e-3, 2e-3, 0.1))
 """Coarse and fine: deflection and least size, as shares of a shape's extent, and angle. Programs choose theirs, and the sides of a narrow
 place may cross in one of them only."""
 _FAILURES = 0x1 | 0x2 | 0x4

@@ -192,10 +192,10 @@ def build_part(
         faces, how = _completed(trimmed, shapes, topology, scale.h, factor, params, notes)
         model = _model(points, trimmed.shapes, topology, trimmed.made, faces, how, scale, factor, params, notes)
         best = model if best is None or _rank(model) > _rank(best) else best
-        # Faces that get an outline of their own for their triangles may be trimmed better when these are asked for at once; a part on
-        # which many fail does not close by that.
-        failed = sum(face.trimmed in ("alone", "lost") for face in model.faces)
-        if model.valid and not 0 < failed <= _FEW:
+        # Few faces that have an outline of their own for their triangles may be trimmed better when these are asked for at once, and so may
+        # all faces that the kernel did not let share their edges.
+        failed, alone = (sum(one in ("alone", "lost") for one in many) for many in (how, [face.trimmed for face in model.faces]))
+        if model.valid and alone == failed and not 0 < failed <= _FEW:
             break
     assert best is not None
     tell(_STEPS, _STEPS)
