@@ -84,7 +84,7 @@ def find_primitives(
         if step == ROUNDS - 1:
             break
         if step in FILLET_ROUNDS and kinds[CYLINDER] and kinds[TORUS]:
-            sheet, label, models = find_fillets(sheet, label, plainest_models(sheet, label, models, refits))
+            sheet, label, models = _fillets(sheet, label, models, refits)
         if step in LOST_ROUNDS and kinds[PLANE]:
             label, models = find_lost(sheet, label, models, least)
         candidates = offered(sheet, label, models, RINGS)
@@ -93,6 +93,18 @@ def find_primitives(
     # Of narrow strips the energy cannot pay for two borders; profiles and lines of contact tell where they end.
     label, models = split_profiles(sheet, label, models, refits)
     if kinds[CYLINDER] and kinds[TORUS]:
-        _, label, models = find_fillets(sheet, label, plainest_models(sheet, label, models, refits))
+        _, label, models = _fillets(sheet, label, models, refits)
     label, models = split_pieces(sheet, label, models, least, strips=True)
     return drop_outliers(sheet, adopt(sheet, label, models, RINGS), models), models
+
+
+def _fillets(
+    sheet: Sheet, label: NDArray[np.int32], models: NDArray[np.float64], kinds: NDArray[np.bool_]
+) -> tuple[Sheet, NDArray[np.int32], NDArray[np.float64]]:
+    """Look for fillets beside the plainest models; the regions that have none keep the models that they had."""
+    plain = plainest_models(sheet, label, models, kinds)
+    sheet, found, wider = find_fillets(sheet, label, plain)
+    beside = np.unique(label[(found != label) & (label >= 0)])
+    kept = models.copy()
+    kept[beside] = plain[beside]
+    return sheet, found, np.vstack([kept, wider[len(models) :]])
