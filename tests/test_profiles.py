@@ -5,23 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scan2nurbs.faces.compete import Sheet, link_weights
 from scan2nurbs.faces.profiles import split_profiles
-from scan2nurbs.kernels.cells import build_cells
-from scan2nurbs.kernels.nearest import nearest_neighbours
 from scan2nurbs.kernels.primitives import CYLINDER, PATCH, PLANE, SIZE
+from sheet_samples import sheet_of
 
 NOISE = 0.25
 KINDS = np.array([True, True, True, True, True, False])
-
-
-def sheet_of(points):
-    cells = build_cells(points, 3.0)
-    neighbours, _ = nearest_neighbours(cells, 12, reach=2.0)
-    own = np.arange(len(points), dtype=np.int32)[:, None]
-    normals = np.full(points.shape, np.nan)
-    neighbours = np.where(neighbours < 0, own, neighbours).astype(np.int32)
-    return Sheet(cells.points, normals, neighbours, link_weights(normals, neighbours), NOISE, 0.12), cells.order
 
 
 def plane(height=0.0):
@@ -48,7 +37,7 @@ def ring(height, rng, turn=2 * np.pi):
 
 
 def divided(points, n_top, seed_model):
-    sheet, order = sheet_of(points)
+    sheet, order = sheet_of(points, NOISE)
     label = np.where(order < n_top, 0, 1).astype(np.int32)
     found, models = split_profiles(sheet, label, np.array([seed_model, axle(30.0)]), KINDS)
     return sheet, label, found, models
@@ -99,7 +88,7 @@ def test_an_extruded_strip_with_a_groove_is_three_strips():
     z, y = (v.ravel() for v in np.meshgrid(np.arange(-9.5, -0.5), np.arange(0.5, 80), indexing="ij"))
     wall = np.column_stack([0.0 * z, y, z])
     points = np.vstack([top, wall]) + rng.normal(scale=NOISE, size=(len(top) + len(wall), 3))
-    sheet, order = sheet_of(points)
+    sheet, order = sheet_of(points, NOISE)
     label = np.where(order < len(top), 0, 1).astype(np.int32)
     side = plane()
     side[4:7] = [1.0, 0.0, 0.0]

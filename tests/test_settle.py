@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scan2nurbs.faces.compete import Sheet, link_weights, plainest_models
+from scan2nurbs.faces.compete import plainest_models
+from scan2nurbs.faces.primitives import _fillets
 from scan2nurbs.faces.settle import settle_borders
-from scan2nurbs.kernels.cells import build_cells
-from scan2nurbs.kernels.nearest import nearest_neighbours
 from scan2nurbs.kernels.primitives import CYLINDER, PATCH, SIZE, SPHERE
 from scan2nurbs.scale import measure_scale
 from scan2nurbs.surfaces.cylinder import Cylinder
 from scan2nurbs.surfaces.plane import Plane
 from scan2nurbs.surfaces.shape_result import ShapeFit
+from sheet_samples import sheet_of
 
 NOISE = 0.25
 LENGTH = 60
@@ -113,22 +113,13 @@ def test_no_face_loses_half_of_its_points():
     assert 2 * (found == 1).sum() >= (label == 1).sum()
 
 
-def sheet_of(points):
-    cells = build_cells(points, 3.0)
-    neighbours, _ = nearest_neighbours(cells, 12, reach=2.0)
-    own = np.arange(len(points), dtype=np.int32)[:, None]
-    normals = np.full(points.shape, np.nan)
-    neighbours = np.where(neighbours < 0, own, neighbours).astype(np.int32)
-    return Sheet(cells.points, normals, neighbours, link_weights(normals, neighbours), NOISE, 0.12), cells.order
-
-
 def test_what_passes_for_a_sphere_with_its_fillets_is_a_cylinder_amid_them():
     rng = np.random.default_rng(5)
     s, angle = (v.ravel() for v in np.meshgrid(np.arange(-8.0, 8.5), np.arange(0.0, 40 * np.pi), indexing="ij"))
     inward = np.where(np.abs(s) > 6, 0.25 * (np.abs(s) - 6) ** 2, 0.0)  # a ring of radius 20 that bends inwards at its ends
     r = 20 - inward + rng.normal(scale=NOISE, size=s.shape)
     points = np.column_stack([r * np.cos(angle / 20), r * np.sin(angle / 20), s])
-    sheet, _ = sheet_of(points)
+    sheet, _ = sheet_of(points, NOISE)
     ball, tiled = np.zeros(SIZE), np.zeros(SIZE)
     ball[0], ball[6], ball[7] = SPHERE, 1.0, 20.5
     tiled[0] = PATCH
@@ -142,3 +133,5 @@ def test_what_passes_for_a_sphere_with_its_fillets_is_a_cylinder_amid_them():
     np.testing.assert_array_equal(plainest_models(sheet, label, tiled[None], kinds), tiled[None])
     few = np.where(np.arange(len(points)) < 40, 0, -1).astype(np.int32)
     np.testing.assert_array_equal(plainest_models(sheet, few, ball[None], kinds), ball[None])
+    # Where no fillet is beside it, a region keeps its model whatever its middle asks for.
+    np.testing.assert_array_equal(_fillets(sheet, label, ball[None], kinds)[2], ball[None])
