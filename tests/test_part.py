@@ -8,7 +8,8 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from scan2nurbs.brep.borders import lay_borders
+from scan2nurbs.brep import part
+from scan2nurbs.brep.borders import _ends, _guide, lay_borders
 from scan2nurbs.brep.check import check
 from scan2nurbs.brep.part import build_part
 from scan2nurbs.brep.read import faces_of, read_shape
@@ -349,3 +350,31 @@ def test_faces_stay_where_the_kernel_refuses_all_that_share_edges(monkeypatch):
     assert [face.trimmed for face in part.faces] == ["alone"] * 3
     assert any("edges of its own" in note for note in part.notes)
     assert part.coverage > 0.99
+
+
+def test_a_face_that_fails_for_its_triangles_is_tried_with_fine_ones_from_the_start(monkeypatch):
+    asked = []
+    trim, complete = part.trim_part, part._completed
+
+    def trimmed(*given):
+        asked.append(given[-1])
+        return trim(*given)
+
+    def completed(*given):
+        faces, how = complete(*given)
+        return (faces, how) if asked[-1] else ([(), *faces[1:]], ["lost", *how[1:]])
+
+    monkeypatch.setattr(part, "trim_part", trimmed)
+    monkeypatch.setattr(part, "_completed", completed)
+    model = box().build(noise=0.3)
+    assert asked == [False, True]
+    assert model.closed
+
+
+@pytest.mark.parametrize(("caution", "apart"), [(0, 0.05), (1, 0.0)])
+def test_with_caution_an_edge_ends_in_its_vertex(caution, apart):
+    line = np.column_stack([np.linspace(0, 20, 21), np.zeros(21), np.zeros(21)])
+    floor, wall = Plane(np.zeros(3), np.eye(3)[2]), Plane(np.zeros(3), np.eye(3)[1])
+    vertices = np.array([[0.0, 0.05, 0.0], [20.0, 0.05, 0.0]])
+    guide = _guide(Border(line, (0, 1), (0, 1)), [floor, wall], 1.0, caution)
+    assert np.linalg.norm(_ends(guide, vertices, 1.0) - vertices, axis=1) == pytest.approx([apart, apart], abs=1e-6)

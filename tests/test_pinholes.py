@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scan2nurbs.faces.pinholes import close_pinholes
+from scan2nurbs.faces.pinholes import _corner, close_pinholes
 from scan2nurbs.faces.sheet import Sheet, drop_triangles, triangle_areas
 
 
@@ -87,3 +87,11 @@ def test_both_mouths_of_a_cut_tunnel_are_closed():
     closed = close_pinholes(without(both, places, [((5.3, 5.6), 1.2)]), places, 20.0)
     assert_paired(closed)
     assert (closed.twin < 0).sum() == 2 * 4 * 11
+
+
+def test_no_corner_is_cut_off_where_the_loop_enters():
+    # An arrow, run around clockwise as the border of a hole is: the line across its notch is the shortest, and lies outside.
+    arrow = np.array([[0, 0, 0], [-1, 3, 0], [0, 1.5, 0], [1, 3, 0]], float)
+    normal = np.array([0.0, 0.0, 1.0])
+    assert np.cross(arrow, np.roll(arrow, -1, axis=0)).sum(axis=0) @ normal < 0
+    assert _corner(arrow, normal) != 2
