@@ -88,6 +88,52 @@ def test_corrections_survive_a_kill_and_give_the_file_of_the_command_line(scan, 
     assert record["parameters"]["relations"]["kinds"] == ["parallel"]
 
 
+def test_a_studio_that_starts_again_shows_what_was_computed(scan):
+    studio = Studio(scan)
+    with studio.page() as page:
+        edit(page, face={"type": {"face": 0, "kind": "cylinder"}})
+        say(page, "Undo")
+        say(page, "Compute", until="model")
+        before = hear(page, "State", lambda state: is_current("model")(state) and state["running"] is None)
+        studio.kill()
+    studio = Studio(scan)
+    try:
+        with studio.page() as page:
+            after, stages = watched(page, "model")
+            assert stages <= {"measuring"}  # the scan is read anew, all else was kept
+            assert after["steps"][:5] == [{**entry, "result": kept(entry, after)} for entry in before["steps"][:5]]
+            edit(page, set={"stage": "topology", "name": "reach", "value": 2.6})
+            changed = hear(page, "State", is_current("surfaces"))
+            assert not is_current("model")(changed)
+            studio.kill()
+        studio = Studio(scan)
+        with studio.page() as page:
+            again, stages = watched(page, "surfaces")
+            assert stages <= {"measuring"}
+            assert result(again, "surfaces") == result(changed, "surfaces")
+            assert result(again, "model") is None  # it does not follow from these borders, and nobody asked for another
+    finally:
+        studio.stop()
+
+
+def kept(entry: dict, after: dict) -> dict:
+    """Return a step's result before; the scan was read anew, which took another time."""
+    again = entry["step"] == "scan"
+    return {**entry["result"], "seconds": result(after, "scan")["seconds"]} if again else entry["result"]
+
+
+def watched(page, step: str) -> tuple[dict, set[str]]:
+    """Wait until a step is done and nothing runs; return the state, and the names of the stages that were computed on the way."""
+    stages = set()
+    while True:
+        message = page.recv(timeout=60)
+        content = {"type": ""} if isinstance(message, bytes) else json.loads(message)
+        if content["type"] == "Progress":
+            stages.add(content["stage"])
+        if content["type"] == "State" and is_current(step)(content) and content["running"] is None:
+            return content, stages
+
+
 def test_a_computation_can_be_stopped_and_troubles_are_sentences(scan):
     studio = Studio(scan)
     try:

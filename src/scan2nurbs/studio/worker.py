@@ -6,6 +6,7 @@ B for a binary frame. When stdin ends the server is gone, and the process ends t
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import queue
@@ -13,6 +14,7 @@ import struct
 import sys
 import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -23,6 +25,7 @@ from scan2nurbs.studio.edits import Plan, replay
 from scan2nurbs.studio.messages import Step
 from scan2nurbs.studio.scenes import Scenes
 from scan2nurbs.studio.stages import STEP_OF, Cancelled, Reached, Stages
+from scan2nurbs.studio.store import FOLDER, Store
 from scan2nurbs.studio.takeaway import take_away
 
 HEAD = struct.Struct("<Qc")
@@ -53,6 +56,8 @@ class Worker:
     def answer(self, request: dict[str, Any]) -> None:
         """Do what is asked for, and say that it is done or why it is not."""
         try:
+            if self.stages.store is None:
+                self.stages.store = Store(Path(request["project"]) / FOLDER)
             if request["do"] == "run":
                 self.run(Path(request["scan"]), replay(request["edits"]), request["until"])
             else:
@@ -65,27 +70,39 @@ class Worker:
         except Exception as error:
             self.say(say="done", trouble=f"Internal error, please report it: {type(error).__name__}: {error}")
 
-    def run(self, scan: Path, plan: Plan, until: Step) -> Model | None:
+    def run(self, scan: Path, plan: Plan, until: Step) -> None:
         """Compute up to a step, and send what is seen of every step that is not as it was sent last."""
-        self.stages.begin(until, lambda step: self._show(step, plan))
-        try:
-            model = reconstruct(scan, plan.params, unit=plan.unit, progress=self._progress, run=self.stages)
-        except Reached:
-            return None
-        self._show("model", plan, model)
-        return model
+        self.stages.begin(until, lambda step: self._show(step, plan), lambda step: self._show_again(step, plan))
+        with contextlib.suppress(Reached):
+            self._show("model", plan, self._model(scan, plan))
 
     def export(self, scan: Path, plan: Plan, kind: str, path: Path) -> None:
         """Write the model in a format."""
-        model = self.run(scan, plan, "model")
-        assert model is not None
+        self.stages.begin("model", lambda step: self._show(step, plan))
+        model = self._model(scan, plan)
+        self._show("model", plan, model)
         self.say(say="progress", step="export", stage="writing", done=0, total=1)
         take_away(model, plan.params, kind, path)
+
+    def _model(self, scan: Path, plan: Plan) -> Model:
+        model = reconstruct(scan, plan.params, unit=plan.unit, progress=self._progress, run=self.stages)
+        # Reading what was kept takes no time to speak of; the report tells what computing it took.
+        return replace(model, report={**model.report, "seconds": model.report["seconds"] | self.stages.took})
 
     def _show(self, step: Step, plan: Plan, model: Model | None = None) -> None:
         key = plan.key(step)
         if self.sent.get(step) == key or (step == "model" and model is None):
             return
+        self._send_scene(step, key, model)
+
+    def _show_again(self, step: Step, plan: Plan) -> bool:
+        """Send what was seen of a step before; tell whether there is such."""
+        key = plan.key(step)
+        if self.stages.has_scene(step, key):
+            self._send_scene(step, key, None)
+        return self.sent.get(step) == key
+
+    def _send_scene(self, step: Step, key: str, model: Model | None) -> None:
         result, frames = self.scenes.scene(step, key, model)
         for frame in frames:
             self._send(b"B", frame)
