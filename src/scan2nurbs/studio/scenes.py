@@ -85,7 +85,7 @@ class Scenes:
             ("Extent", f"{size} {cloud.unit}"),
             ("Spacing h", f"{scale.h:.3g} {cloud.unit}"),
             ("Noise", f"{scale.noise:.2g} {cloud.unit}"),
-            ("Format", cloud.format.upper()),
+            ("Format", cloud.format.split()[0].upper() + cloud.format[len(cloud.format.split()[0]) :]),
         ]
         figures += [("Rows that are no point", f"{cloud.n_invalid:,}")] if cloud.n_invalid else []
         figures += [("Duplicates", f"{cloud.n_duplicates:,}")] if cloud.n_duplicates else []
@@ -187,7 +187,7 @@ class Scenes:
         solids = f"{part.n_solids} closed solid{'s' if part.n_solids != 1 else ''}"
         figures = [
             ("Check", "valid" if part.valid else "NOT valid"),
-            ("Body", solids if part.closed else f"open: {part.n_free_edges} free edges"),
+            ("Body", solids if part.closed else f"open: {part.n_free_edges} free edge{'s' if part.n_free_edges != 1 else ''}"),
             ("Faces", f"{len(part.faces)}"),
             ("Edges", f"{len(part.edges)}, largest tolerance {part.max_tolerance:.2g} {unit}"),
             ("Volume", f"{part.volume:.5g} {unit}³" if part.closed else "none: the body is open"),

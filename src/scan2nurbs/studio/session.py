@@ -125,9 +125,15 @@ class Session:
             self._exports.append(message.kind)
             self._wake.set()
 
+    @property
+    def opens(self) -> bool:
+        """Whether a project may be opened: where there is none, or its scan cannot be read, so that nothing can be done with it."""
+        return self.project is None or ("scan" in self._troubles and not self._results)
+
     def open(self, project: Project) -> None:
-        """Open a project where there was none."""
+        """Open a project where `opens` says that it may be."""
         self.project, self._plan = project, project.plan
+        self._troubles.clear()
         self.compute(project.reached)
 
     def compute(self, until: Step) -> None:
@@ -156,6 +162,7 @@ class Session:
     async def work(self) -> None:
         """Run what is asked for, one thing after the other, for as long as the server runs."""
         try:
+            await self.workshop.start()  # it takes seconds, in which a scan is being chosen
             while True:
                 await self._wake.wait()
                 self._wake.clear()
@@ -260,6 +267,8 @@ class Session:
         return State(
             project="" if project is None else str(project.folder),
             scan="" if project is None else project.scan.name,
+            opens=self.opens,
+            reached="scan" if project is None else project.reached,
             unit=self._unit(plan),
             revision=self._revision,
             edits=[EditEntry(text=describe_edit(edit), step=step_of(edit), done=k < done) for k, edit in enumerate(edits)],

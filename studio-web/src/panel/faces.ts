@@ -18,17 +18,18 @@ export function facesList(store: Store): HTMLElement {
         "button",
         { class: "face", role: "option", "aria-selected": String(on), title, onclick: ((event: MouseEvent) => store.choose(entry.number, event.shiftKey || event.ctrlKey)) as unknown },
         swatch,
-        h("span", {}, entry.name),
+        h("span", {}, entry.name, entry.notes.length ? h("span", { class: "warning" }, " ⚠") : null),
         h("span", { class: "dim" }, count(entry.n_points)),
         h("span", { class: "dim" }, off),
       );
     });
-    fill(element, ...rows);
+    const heads = ["", "Face", "Points", `Deviation, rms`].map((text) => h("span", {}, text));
+    fill(element, ...(rows.length ? [h("div", { class: "face heads dim", "aria-hidden": "true" }, ...heads), ...rows] : []));
     const chosen = store.entries().find((entry) => entry.number === store.faces[0]);
     const known = chosen && store.faces.length === 1 ? about(chosen, unit) : "";
     if (known) element.append(h("p", { class: "help" }, `${chosen!.name}: ${known}`));
   };
-  store.on(["state", "faces", "step"], update);
+  store.on(["state", "faces", "step", "frame"], update);
   update();
   return element;
 }
