@@ -225,7 +225,7 @@ def test_the_control_net_of_a_face_is_seen_over_it(browser, studio):
     person.go_on("edges")
     person.go_on("faces")
     page.click("button.face >> nth=0")
-    page.select_option("#face-kind", "bspline")
+    page.select_option("#face-kind", label="bspline (NURBS)")
     page.wait_for_selector("button.face:has-text('bspline_0')", timeout=60_000)
     person.done("faces")
     page.wait_for_selector("p:has-text('control points')")

@@ -38,7 +38,7 @@ const faces = facesList(store);
 const side = stepsPanel(store, {
   scan: [new Form(store, "scan").element],
   edges: [thresholdPanel(store, sync), new Form(store, "edges", ["threshold"]).element, boundaryPanel(store, selection, pointer)],
-  faces: [new Form(store, "faces").element, facesPanel(store, selection, pointer), faces],
+  faces: [facesPanel(store, selection, pointer), faces, new Form(store, "faces").element],
   surfaces: [new Form(store, "surfaces").element],
   model: [new Form(store, "model").element],
   export: [exportPanel(store)],

@@ -44,7 +44,7 @@ export function facesPanel(store: Store, selection: Selection, pointer: Pointer)
     const entry = store.entries().find((other) => other.number === one);
     element.hidden = store.result("faces") === null;
     const kinds = h("select", { id: "face-kind", disabled: one === null, title: "Choose the type of the face's surface", onchange: () => step({ type: { face: one, kind: kinds.value } }) });
-    fill(kinds, h("option", { value: "" }, "Type…"), ...(store.welcome?.kinds ?? []).map((kind) => h("option", { value: kind }, kind)));
+    fill(kinds, h("option", { value: "" }, "Type…"), ...(store.welcome?.kinds ?? []).map((kind) => h("option", { value: kind }, kind === "bspline" ? "bspline (NURBS)" : kind)));
     kinds.value = entry?.kind ?? "";
     const unit = store.state?.unit ?? "";
     const far = `How far the face's surface may lie from its points besides their noise, in ${unit}; it is as simple as that allows`;

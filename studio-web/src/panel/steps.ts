@@ -85,7 +85,7 @@ function buttons(store: Store): HTMLElement[] {
   const place = STEPS.indexOf(step);
   if (step === "export") {
     if (store.status("model") === "current") return [];
-    return [h("p", { class: "help" }, "The model is not up to date; exporting builds it first.")];
+    return [h("p", { class: "help" }, store.result("model") ? "The model is not up to date; exporting builds it again first." : "There is no model yet; exporting builds it first, with all that it needs.")];
   }
   if (status === "running") return [h("button", { class: "wide", id: "cancel", disabled: store.stopping, onclick: () => store.stop() }, store.stopping ? "Stopping …" : "Stop")];
   if (status !== "current") {
