@@ -116,6 +116,23 @@ def test_a_studio_that_starts_again_shows_what_was_computed(scan):
         studio.stop()
 
 
+def test_what_was_done_before_a_kill_in_the_middle_is_shown_again(scan):
+    studio = Studio(scan)
+    with studio.page() as page:
+        say(page, "Compute", until="model")
+        before = hear(page, "State", lambda state: is_current("faces")(state) and state["running"] == "model")
+        studio.kill()
+    studio = Studio(scan)
+    try:
+        with studio.page() as page:
+            after, stages = watched(page, "faces")
+            assert stages <= {"reading the scan", "measuring", "relating surfaces", "finding borders"}  # these it may not have reached
+            assert result(after, "faces") == result(before, "faces")
+            assert after["reached"] in ("faces", "surfaces", "model")
+    finally:
+        studio.stop()
+
+
 def kept(entry: dict, after: dict) -> dict:
     """Return a step's result before; the scan was read anew, which took another time."""
     again = entry["step"] == "scan"
