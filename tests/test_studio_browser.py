@@ -246,27 +246,29 @@ def test_a_person_who_begins_with_nothing_is_led(browser, tmp_path):
     (tmp_path / "bad.ply").write_text("no scan\n" * 30)
     (home := tmp_path / "home").mkdir()
     studio = Studio(cwd=home)
-    context = browser.new_context(viewport={"width": 1280, "height": 720})
-    person = Person(context, studio.url)
-    page = person.page
-    page.wait_for_selector("text=There is no scan yet")
-    page.set_input_files("#scan-file", str(tmp_path / "bad.ply"))
-    page.wait_for_selector("text=Choose another file.", timeout=60_000)
-    page.set_input_files("#scan-file", str(scan))
-    person.done("scan")
-    person.wait("studio.viewer.cloud !== null && studio.sync.colouring === 'height'")
-    assert len(np.unique((person.picture() * 16).astype(int).reshape(-1, 3), axis=0)) > 50  # its shape is seen
-    assert page.locator(".legend").is_visible()
-    person.go_on("edges")
-    person.go_on("faces")
-    trouble_is_told_where_it_is_seen(person)
-    person.go_on("surfaces")
-    second = Person(context, studio.origin)
-    second.done("surfaces")
-    second.page.wait_for_selector("button.face >> nth=0")  # its arrays came after the state
-    assert person.complaints == second.complaints == []
-    context.close()
-    studio.kill()
+    try:
+        context = browser.new_context(viewport={"width": 1280, "height": 720})
+        person = Person(context, studio.url)
+        page = person.page
+        page.wait_for_selector("text=There is no scan yet")
+        page.set_input_files("#scan-file", str(tmp_path / "bad.ply"))
+        page.wait_for_selector("text=Choose another file.", timeout=60_000)
+        page.set_input_files("#scan-file", str(scan))
+        person.done("scan")
+        person.wait("studio.viewer.cloud !== null && studio.sync.colouring === 'height'")
+        assert len(np.unique((person.picture() * 16).astype(int).reshape(-1, 3), axis=0)) > 50  # its shape is seen
+        assert page.locator(".legend").is_visible()
+        person.go_on("edges")
+        person.go_on("faces")
+        trouble_is_told_where_it_is_seen(person)
+        person.go_on("surfaces")
+        second = Person(context, studio.origin)
+        second.done("surfaces")
+        second.page.wait_for_selector("button.face >> nth=0")  # its arrays came after the state
+        assert person.complaints == second.complaints == []
+        context.close()
+    finally:
+        studio.kill()
 
     studio = Studio(home / "step.ply.s2n")
     try:
