@@ -16,6 +16,7 @@ from scan2nurbs.brep.read import faces_of, read_shape
 from scan2nurbs.brep.write_part import write_part
 from scan2nurbs.errors import NoResultError, OutputError, ParameterError
 from scan2nurbs.faces.complex import Border, LabelledMesh, Topology
+from scan2nurbs.part_report import _sentence
 from scan2nurbs.scale import measure_scale
 from scan2nurbs.surfaces.cone import Cone
 from scan2nurbs.surfaces.cylinder import Cylinder
@@ -378,3 +379,7 @@ def test_with_caution_an_edge_ends_in_its_vertex(caution, apart):
     vertices = np.array([[0.0, 0.05, 0.0], [20.0, 0.05, 0.0]])
     guide = _guide(Border(line, (0, 1), (0, 1)), [floor, wall], 1.0, caution)
     assert np.linalg.norm(_ends(guide, vertices, 1.0) - vertices, axis=1) == pytest.approx([apart, apart], abs=1e-6)
+
+
+def test_directions_have_no_negative_zero():
+    assert _sentence({"axis": [-1e-9, 0.0, -1.0]}, {}, "mm") == "axis (0.0000, 0.0000, -1.0000)"

@@ -225,7 +225,7 @@ def test_the_control_net_of_a_face_is_seen_over_it(browser, studio):
     person.go_on("edges")
     person.go_on("faces")
     page.click("button.face >> nth=0")
-    page.select_option("#face-kind", "bspline")
+    page.select_option("#face-kind", label="bspline (NURBS)")
     page.wait_for_selector("button.face:has-text('bspline_0')", timeout=60_000)
     person.done("faces")
     page.wait_for_selector("p:has-text('control points')")
@@ -236,6 +236,81 @@ def test_the_control_net_of_a_face_is_seen_over_it(browser, studio):
     green = (net[..., 1] > 0.2) & (net[..., 1] > net[..., 0] + 0.1)
     assert green.sum() > 100
     assert green.any(axis=0).sum() > 50  # no dot: a net
+    assert person.complaints == []
+    context.close()
+
+
+def test_a_person_who_begins_with_nothing_is_led(browser, tmp_path):
+    """A file that is no scan, a scan, a change that cannot be done, a stop, a second tab, a studio that is started again."""
+    scan = studio_server.small_part(tmp_path / "step.ply", step=0.36)
+    (tmp_path / "bad.ply").write_text("no scan\n" * 30)
+    (home := tmp_path / "home").mkdir()
+    studio = Studio(cwd=home)
+    try:
+        context = browser.new_context(viewport={"width": 1280, "height": 720})
+        person = Person(context, studio.url)
+        page = person.page
+        page.wait_for_selector("text=There is no scan yet")
+        page.set_input_files("#scan-file", str(tmp_path / "bad.ply"))
+        page.wait_for_selector("text=Choose another file.", timeout=60_000)
+        page.set_input_files("#scan-file", str(scan))
+        person.done("scan")
+        person.wait("studio.viewer.cloud !== null && studio.sync.colouring === 'height'")
+        assert len(np.unique((person.picture() * 16).astype(int).reshape(-1, 3), axis=0)) > 50  # its shape is seen
+        assert page.locator(".legend").is_visible()
+        person.go_on("edges")
+        person.go_on("faces")
+        trouble_is_told_where_it_is_seen(person)
+        person.go_on("surfaces")
+        second = Person(context, studio.origin)
+        second.done("surfaces")
+        second.page.wait_for_selector("button.face >> nth=0")  # its arrays came after the state
+        assert person.complaints == second.complaints == []
+        context.close()
+    finally:
+        studio.kill()
+
+    studio = Studio(home / "step.ply.s2n")
+    try:
+        context = browser.new_context(viewport={"width": 1280, "height": 720})
+        person = Person(context, studio.url)
+        person.done("surfaces")
+        person.wait("studio.store.step === 'surfaces'")  # where it was left
+        person.page.wait_for_selector("button.face >> nth=0")
+        assert person.complaints == []
+        context.close()
+    finally:
+        studio.stop()
+
+
+def trouble_is_told_where_it_is_seen(person: Person) -> None:
+    page = person.page
+    page.evaluate("studio.store.send({ type: 'Edit', edit: { face: { merge: [0, 777] } } })")
+    page.wait_for_selector(".trouble:has-text('no face 777')")
+    assert page.locator(".trouble").bounding_box()["y"] < 400  # above forms and lists
+    page.click("#step-model")
+    page.wait_for_selector(".trouble:has-text('Faces: ')")
+    page.click("button:has-text('Go to Faces')")
+    page.click("button:has-text('Undo the last change')")
+    page.wait_for_selector(".trouble", state="detached")
+    person.done("faces")
+
+
+def test_stopping_says_so_and_a_refused_value_goes_away(browser, studio):
+    context = browser.new_context(viewport={"width": 1280, "height": 720})
+    person = Person(context, studio.url)
+    page = person.page
+    person.done("scan")
+    page.click("#step-model")
+    page.click("#compute")
+    page.click("#cancel")
+    page.wait_for_selector("text=stopping …")
+    person.wait("studio.store.state.running === null && !studio.store.stopping")
+    page.click("#step-faces")
+    page.fill("[id='field-segment.max_faces']", "-5")
+    page.keyboard.press("Enter")
+    page.wait_for_selector(".toast:has-text('max_faces')")
+    assert page.input_value("[id='field-segment.max_faces']") == ""
     assert person.complaints == []
     context.close()
 

@@ -88,6 +88,112 @@ def test_corrections_survive_a_kill_and_give_the_file_of_the_command_line(scan, 
     assert record["parameters"]["relations"]["kinds"] == ["parallel"]
 
 
+def test_a_studio_that_starts_again_shows_what_was_computed(scan):
+    studio = Studio(scan)
+    with studio.page() as page:
+        edit(page, face={"type": {"face": 0, "kind": "cylinder"}})
+        say(page, "Undo")
+        say(page, "Compute", until="model")
+        before = hear(page, "State", lambda state: is_current("model")(state) and state["running"] is None)
+        studio.kill()
+    studio = Studio(scan)
+    try:
+        with studio.page() as page:
+            after, stages = watched(page, "model")
+            assert stages <= {"reading the scan", "measuring"}  # the scan is read anew, all else was kept
+            assert after["steps"][:5] == [{**entry, "result": kept(entry, after)} for entry in before["steps"][:5]]
+            edit(page, set={"stage": "topology", "name": "reach", "value": 2.6})
+            changed = hear(page, "State", is_current("surfaces"))
+            assert not is_current("model")(changed)
+            studio.kill()
+        studio = Studio(scan)
+        with studio.page() as page:
+            again, stages = watched(page, "surfaces")
+            assert stages <= {"reading the scan", "measuring"}
+            assert result(again, "surfaces") == result(changed, "surfaces")
+            assert result(again, "model") is None  # it does not follow from these borders, and nobody asked for another
+    finally:
+        studio.stop()
+
+
+def test_what_was_done_before_a_kill_in_the_middle_is_shown_again(scan):
+    studio = Studio(scan)
+    with studio.page() as page:
+        say(page, "Compute", until="model")
+        before = hear(page, "State", lambda state: is_current("faces")(state) and state["running"] == "model")
+        studio.kill()
+    studio = Studio(scan)
+    try:
+        with studio.page() as page:
+            after, stages = watched(page, "faces")
+            assert stages <= {"reading the scan", "measuring", "relating surfaces", "finding borders"}  # these it may not have reached
+            assert result(after, "faces") == result(before, "faces")
+            assert after["reached"] in ("faces", "surfaces", "model")
+    finally:
+        studio.stop()
+
+
+def kept(entry: dict, after: dict) -> dict:
+    """Return a step's result before; the scan was read anew, which took another time."""
+    again = entry["step"] == "scan"
+    return {**entry["result"], "seconds": result(after, "scan")["seconds"]} if again else entry["result"]
+
+
+def watched(page, step: str) -> tuple[dict, set[str]]:
+    """Wait until a step is done and nothing runs; return the state, and the names of the stages that were computed on the way."""
+    stages = set()
+    while True:
+        message = page.recv(timeout=60)
+        content = {"type": ""} if isinstance(message, bytes) else json.loads(message)
+        if content["type"] == "Progress":
+            stages.add(content["stage"])
+        if content["type"] == "State" and is_current(step)(content) and content["running"] is None:
+            return content, stages
+
+
+def test_a_scan_that_cannot_be_read_makes_room_for_another(scan, tmp_path):
+    home = tmp_path / "home"
+    home.mkdir()
+    studio = Studio(cwd=home)
+    try:
+        cookie = studio.cookie()
+        said = {"Cookie": cookie, "Origin": studio.origin}
+        with studio.page(cookie) as page:
+            assert hear(page, "State")["opens"]
+            assert studio.ask("POST", "/scan?name=bad.ply", b"no scan\n" * 30, **said)[0] == 200
+            state = hear(page, "State", lambda state: state["steps"][0]["status"] == "failed")
+            assert state["opens"]
+            assert state["steps"][0]["trouble"].startswith("bad.ply: ")  # no path hides what is wrong
+            assert studio.ask("POST", "/scan?name=step.ply", scan.read_bytes(), **said)[0] == 200
+            state = hear(page, "State", is_current("scan"))
+            assert not state["opens"]
+            assert [path.name for path in home.iterdir()] == ["step.ply.s2n"]
+            assert studio.ask("POST", "/scan?name=more.ply", b"ply", **said)[0] == 409
+            say(page, "Compute", until="edges")
+            hear(page, "State", is_current("edges"))
+            assert (home / "step.ply.s2n" / "results" / "edges.npz").exists()  # not in the folder of the one before
+    finally:
+        studio.stop()
+
+
+def test_a_scan_that_was_sent_in_part_leaves_nothing(tmp_path, monkeypatch):
+    from scan2nurbs.studio import server
+    from scan2nurbs.studio.guard import Access
+    from scan2nurbs.studio.session import Session
+
+    testing = pytest.importorskip("starlette.testclient", reason="the test client needs httpx")
+    monkeypatch.setattr(server, "LARGEST_SCAN", 10)
+    access = Access({"127.0.0.1"}, 1)
+    client = testing.TestClient(server.make_app(Session(), access, tmp_path), base_url="http://127.0.0.1:1")
+    cookie = access.exchange(access.token)
+    assert cookie is not None
+    client.headers.update({"Origin": "http://127.0.0.1:1", "Cookie": cookie.split(";")[0]})
+    for _ in range(2):
+        answer = client.post("/scan?name=big.ply", content=b"x" * 11)
+        assert (answer.status_code, "larger" in answer.text) == (400, True)
+        assert not list(tmp_path.iterdir())
+
+
 def test_a_computation_can_be_stopped_and_troubles_are_sentences(scan):
     studio = Studio(scan)
     try:

@@ -61,7 +61,7 @@ class PartParams:
     boundary : tuple of BoundaryStep
         Corrections of the edge points by hand.
     corrections : FaceCorrections, optional
-        Corrections of the faces by hand.
+        Corrections of the faces by hand; what they fit anew is of the kinds that `segment` may use, but for kinds they ask for.
     relations : bool
         Whether faces that are parallel, coaxial, tangent, … within their uncertainty are made so exactly.
     relation_params : RelationParams
@@ -238,7 +238,7 @@ def part_scan(
     corrections = params.corrections
     if corrections is not None:
         found = parted
-        parted = do("corrections", corrections, lambda: corrected(found, corrections))
+        parted = do("corrections", corrections, lambda: corrected(found, corrections, params.segment.kinds))
     if not parted.faces.fits:
         raise NoResultError("No face was found: no part of the scan is smooth over more than a few points.")
     return parted

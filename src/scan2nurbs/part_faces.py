@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -12,10 +13,12 @@ from scipy.spatial import KDTree
 from scan2nurbs.cloud import PointCloud
 from scan2nurbs.edges.corrections import Selection
 from scan2nurbs.edges.detect import Edges
-from scan2nurbs.faces.corrections import FaceCorrections, apply_face_corrections
+from scan2nurbs.errors import NoResultError
+from scan2nurbs.faces.corrections import FaceCorrections, Numbered, apply_face_corrections
 from scan2nurbs.faces.segmentation import Faces
 from scan2nurbs.faces.topology import Topology
 from scan2nurbs.scale import Scale
+from scan2nurbs.surfaces.shape import KINDS, Kind
 from scan2nurbs.surfaces.shape_fit import ShapeFit, choose_shape, fit_shape
 from scan2nurbs.surfaces.within import fit_within
 
@@ -80,24 +83,47 @@ def _selected(cloud: PointCloud, selection: Selection) -> NDArray[np.bool_]:
     return chosen
 
 
-def corrected(parted: Parted, corrections: FaceCorrections) -> Parted:
-    """Do corrections by hand; faces whose points, kind or tolerance they change are fitted anew."""
-    cloud, faces, noise = parted.cloud, parted.faces, parted.scale.noise
+def corrected(parted: Parted, corrections: FaceCorrections, kinds: Sequence[Kind] = KINDS) -> Parted:
+    """Do corrections by hand; faces whose points, kind or tolerance they change are fitted anew.
+
+    Parameters
+    ----------
+    parted : Parted
+    corrections : FaceCorrections
+    kinds : sequence of str
+        Kinds of surfaces that such faces may have. The kind that a correction asks for need not be among them: what is said of one face
+        alone outweighs what is said of all.
+
+    Raises
+    ------
+    InputError
+        If a correction cannot be done.
+    NoResultError
+        If no surface can be fitted to a face; the sentence says to which.
+    """
+    cloud, faces = parted.cloud, parted.faces
     done = apply_face_corrections(faces.label, corrections, lambda selection: _selected(cloud, selection))
     numbers = np.unique(done.label[done.label >= 0])
     label = np.where(done.label >= 0, np.searchsorted(numbers, done.label), -1).astype(np.int32)
     fits = []
     for number in numbers.tolist():
-        points = cloud.points[done.label == number]
-        if number in done.tolerances:
-            fits.append(fit_within(points, noise=noise, tolerance=done.tolerances[number], kind=done.forced.get(number)))
-        elif number in done.forced:
-            fits.append(fit_shape(done.forced[number], points, noise=noise))
-        else:
-            fits.append(choose_shape(points, noise=noise) if number in done.changed else faces.fits[number])
+        anew = number in done.changed or number in done.forced or number in done.tolerances
+        fits.append(_fitted(parted, done, number, kinds) if anew else faces.fits[number])
     index = {number: k for k, number in enumerate(numbers.tolist())}
     smooth = frozenset((index[i], index[j]) for i, j in faces.smooth if i in index and j in index)
     return replace(parted, faces=replace(faces, label=label, fits=tuple(fits), smooth=smooth), numbers=numbers.astype(np.int32))
+
+
+def _fitted(parted: Parted, done: Numbered, number: int, kinds: Sequence[Kind]) -> ShapeFit:
+    """Fit a surface to a face as corrections have it."""
+    points, noise, kind = parted.cloud.points[done.label == number], parted.scale.noise, done.forced.get(number)
+    try:
+        if number in done.tolerances:
+            return fit_within(points, noise=noise, tolerance=done.tolerances[number], kind=kind, kinds=kinds)
+        return choose_shape(points, noise=noise, kinds=kinds) if kind is None else fit_shape(kind, points, noise=noise)
+    except NoResultError as error:
+        wanted = kind or (" or ".join(kinds) if len(kinds) < len(KINDS) else "surface")
+        raise NoResultError(f"Face {number} cannot be a {wanted}: {error} Choose another type for it.") from error
 
 
 def by_topology(parted: Parted, topology: Topology) -> Parted:

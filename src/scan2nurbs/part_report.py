@@ -106,7 +106,7 @@ def _sentence(shape: Mapping[str, Any], uncertainty: Mapping[str, float], unit: 
     for name in ("axis", "direction"):
         if name in shape:
             known = f" ± {uncertainty[name]:.2g}°" if name in uncertainty else ""
-            parts.append(f"{name} ({', '.join(f'{part:.4f}' for part in shape[name])}){known}")
+            parts.append(f"{name} ({', '.join(f'{round(part, 4) + 0.0:.4f}' for part in shape[name])}){known}")
     return "; ".join(parts)
 
 

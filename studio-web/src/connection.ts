@@ -8,7 +8,7 @@ export interface Listener {
   online(yes: boolean, why: string): void;
 }
 
-const GONE = "The studio is not running. Start it again with `scan2nurbs studio`, and open the address that it prints. Nothing is lost.";
+const GONE = "The studio is not running. Nothing is lost: start it again with “scan2nurbs studio” and the scan or project, and open the address that it prints.";
 
 export class Connection {
   private socket: WebSocket | null = null;

@@ -11,6 +11,7 @@ import type { Viewer } from "./view/viewer";
 const KEYS: [string, string][] = [
   ["Left drag", "turn the view (with the brush or lasso: choose points)"],
   ["Right drag, wheel", "move the view, zoom"],
+  ["Shift, Alt with a tool", "choose points besides those chosen, choose these no longer"],
   ["Click, Shift+click", "choose a face, choose more"],
   ["1 2 3", "turn, brush, lasso"],
   ["V", "visible only / through"],

@@ -38,11 +38,11 @@ const faces = facesList(store);
 const side = stepsPanel(store, {
   scan: [new Form(store, "scan").element],
   edges: [thresholdPanel(store, sync), new Form(store, "edges", ["threshold"]).element, boundaryPanel(store, selection, pointer)],
-  faces: [new Form(store, "faces").element, facesPanel(store, selection, pointer), faces],
-  surfaces: [new Form(store, "surfaces").element, faces],
-  model: [new Form(store, "model").element, faces],
+  faces: [facesPanel(store, selection, pointer), faces, new Form(store, "faces").element],
+  surfaces: [new Form(store, "surfaces").element],
+  model: [new Form(store, "model").element],
   export: [exportPanel(store)],
-});
+}, { surfaces: [faces], model: [faces] });
 stage.append(
   toolbar(store, viewer, sync, pointer),
   h("div", { class: "right" }, layersPanel(store, viewer), historyPanel(store)),
@@ -53,7 +53,7 @@ stage.append(
 );
 legend.hide();
 document.getElementById("app")!.append(topBar(store, help), h("div", { class: "columns" }, side, stage), dialog);
-viewer.onDrawn = () => scalebar.update(viewer.cameras.pixelsAtTarget, store.state?.unit ?? "");
+viewer.onDrawn = () => scalebar.update(viewer.cloud ? viewer.cameras.pixelsAtTarget : 0, store.state?.unit ?? "");
 listen(store, viewer, sync, pointer, selection, help);
 
 let bytes = 0;
@@ -66,9 +66,10 @@ const connection = new Connection({
     } else if (message.type === "State") {
       const before = store.state;
       store.state = message;
+      if (!message.running) store.stopping = false;
       if (!found && message.project) {
         found = true;
-        store.goTo(remembered() ?? "scan");
+        store.goTo(remembered() ?? message.reached);
       }
       const numbers = store.entries().map((entry) => entry.number);
       if (store.faces.some((face) => !numbers.includes(face)) && numbers.length) store.faces = store.faces.filter((face) => numbers.includes(face));
@@ -80,7 +81,10 @@ const connection = new Connection({
     } else if (message.type === "Progress") {
       store.progress = message;
       store.tell("progress");
-    } else toasts.show(message.text);
+    } else {
+      toasts.show(message.text);
+      store.tell("trouble"); // a form may show what was refused
+    }
   },
   frame(frame) {
     bytes += frame.bytes;

@@ -94,6 +94,8 @@ export interface Welcome {
 export interface State {
   project: string;
   scan: string;
+  opens: boolean;
+  reached: Step;
   unit: string;
   revision: number;
   edits: EditEntry[];

@@ -2,7 +2,7 @@
 import type { Frame } from "./frames";
 import type { FaceEntry, FromPage, Progress, State, Step, StepResult, Welcome } from "./messages";
 
-export type Topic = "welcome" | "state" | "frame" | "progress" | "step" | "faces" | "selection" | "threshold" | "online";
+export type Topic = "welcome" | "state" | "frame" | "progress" | "step" | "faces" | "selection" | "threshold" | "online" | "trouble";
 export type Colouring = "plain" | "height" | "strength" | "face" | "deviation";
 
 export class Store {
@@ -13,6 +13,8 @@ export class Store {
   frames = new Map<string, Frame>();
   lastFrame = "";
   step: Step = "scan";
+  /** Whether it was asked to stop and has not yet. */
+  stopping = false;
   /** Numbers of the faces that are chosen, in the order of choosing. */
   faces: number[] = [];
   send: (message: FromPage) => void = () => undefined;
@@ -47,6 +49,13 @@ export class Store {
   entries(): FaceEntry[] {
     const step = this.facesStep();
     return step ? (this.result(step)?.faces ?? []) : [];
+  }
+
+  /** Ask the server to stop computing, which may take it seconds. */
+  stop(): void {
+    this.stopping = true;
+    this.send({ type: "Cancel" });
+    this.tell("progress");
   }
 
   goTo(step: Step): void {

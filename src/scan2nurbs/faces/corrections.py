@@ -14,8 +14,8 @@ The file is JSON: a list of steps, each an object with one key, done in their or
 Faces go by the numbers of the report. A number never passes to another face: faces that are merged keep the number that is named first,
 what is split off gets the next free number, numbers of faces that are gone stay unused. ``assign`` gives points to a face, and to none
 where the face is −1. A tolerance, in the points' unit, is how far the surface of a face may lie from its points besides their noise: the
-surface is as simple as that allows, or of the type that was asked for. Points are named as in a selection: by ``indices`` (row numbers of
-the input), ``boxes`` and ``lassos``.
+surface is as simple as that allows, or of the type that was asked for, which need not be among those that faces may have elsewhere. Points
+are named as in a selection: by ``indices`` (row numbers of the input), ``boxes`` and ``lassos``.
 """
 
 from __future__ import annotations

@@ -71,6 +71,11 @@ class SegmentParams:
         if unknown or self.keep_types == ():
             raise ParameterError(f"The 'keep_types' of segment_points must be among {', '.join(KINDS)}. Got {self.keep_types!r} instead.")
 
+    @property
+    def kinds(self) -> tuple[Kind, ...]:
+        """The kinds of surfaces that faces may have, in the order of `KINDS`."""
+        return tuple(kind for kind in KINDS if self.keep_types is None or kind in self.keep_types)
+
 
 @dataclass(frozen=True)
 class Faces:
@@ -130,7 +135,7 @@ def segment_points(
         label = spread_labels(points, label, part_scale, models, sheet)
     noise = sheet.sigma * part_scale.h
     label, kept = rank_faces(label, None)
-    allowed: list[Kind] = [kind for kind in KINDS if kind in (params.keep_types or KINDS)]
+    allowed = list(params.kinds)
     pieces = Pieces(points, edges.normal, label, face_fits(points, edges.normal, label, models[kept], noise, part_scale.h, allowed))
     if kinds[PATCH]:
         pieces = join_freeform(pieces, edges.mask, scale, noise, allowed)

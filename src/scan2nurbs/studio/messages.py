@@ -127,10 +127,16 @@ class Welcome:
 
 @dataclass(frozen=True, kw_only=True)
 class State:
-    """The project as it stands; sent whenever it changes. Without a project, `project` is empty."""
+    """The project as it stands; sent whenever it changes. Without a project, `project` is empty.
+
+    `opens` tells whether a scan may be sent: where there is none, or the one that is open cannot be read. `reached` is the step to begin
+    with: the last one that was computed, now or before the studio was started again.
+    """
 
     project: str
     scan: str
+    opens: bool
+    reached: Step
     unit: str
     revision: int
     edits: list[EditEntry]

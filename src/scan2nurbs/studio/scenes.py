@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from scan2nurbs.brep.part_mesh import mesh_part
 from scan2nurbs.cloud import PointCloud
 from scan2nurbs.edges.detect import Edges
-from scan2nurbs.edges.network import EdgeNetwork, edge_network
+from scan2nurbs.edges.network import edge_network
 from scan2nurbs.faces.topology import Topology
 from scan2nurbs.part import Model
 from scan2nurbs.part_faces import Parted, by_topology, deviations
@@ -48,7 +49,7 @@ class Scenes:
         key : str
             What the result follows from.
         model : Model, optional
-            For the last step.
+            For the last step, unless it was seen before.
         """
         makers: dict[str, Callable[[str], Scene]] = {
             "scan": self._scan,
@@ -57,14 +58,22 @@ class Scenes:
             "surfaces": self._surfaces,
         }
         if model is not None:
-            return self._model(key, model)
-        return makers[step](key)
+            makers["model"] = lambda key: self._model(key, model)
+
+        def make() -> Scene:
+            start, before = time.perf_counter(), self.stages.seconds.get(step, 0.0)
+            result, frames = makers[step](key)
+            # Drawing curves takes as long as finding edges; what is seen of the other steps is quick to make of their results.
+            drawing = time.perf_counter() - start if step == "edges" else 0.0
+            return replace(result, seconds=round(before + drawing, 3)), frames
+
+        result, frames = self.stages.scene(step, key, make) if step in ("edges", "model") else make()
+        return replace(result, warnings=[*result.warnings, *self.stages.notes.get(step, [])]), frames
 
     def _result(self, step: Step, key: str, figures: Sequence[tuple[str, str]], **more: Any) -> StepResult:
         shown = [Figure(label=label, value=value) for label, value in figures]
-        seconds = round(self.stages.seconds.get(step, 0.0), 3)
         empty: dict[str, Any] = {"warnings": [], "automatic": {}, "faces": []}
-        return StepResult(step=step, key=key, seconds=seconds, figures=shown, **(empty | more))
+        return StepResult(step=step, key=key, seconds=0.0, figures=shown, **(empty | more))
 
     def _scan(self, key: str) -> Scene:
         cloud: PointCloud = self.stages.results["read"]
@@ -76,7 +85,7 @@ class Scenes:
             ("Extent", f"{size} {cloud.unit}"),
             ("Spacing h", f"{scale.h:.3g} {cloud.unit}"),
             ("Noise", f"{scale.noise:.2g} {cloud.unit}"),
-            ("Format", cloud.format.upper()),
+            ("Format", cloud.format.split()[0].upper() + cloud.format[len(cloud.format.split()[0]) :]),
         ]
         figures += [("Rows that are no point", f"{cloud.n_invalid:,}")] if cloud.n_invalid else []
         figures += [("Duplicates", f"{cloud.n_duplicates:,}")] if cloud.n_duplicates else []
@@ -96,7 +105,7 @@ class Scenes:
         scale: Scale = self.stages.results["scale"]
         found: Edges = self.stages.results["edges"]
         edges: Edges = self.stages.results.get("boundary", found)
-        network: EdgeNetwork = self.stages.aside("curves", lambda: edge_network(cloud.points, scale, edges.mask))
+        network = edge_network(cloud.points, scale, edges.mask)
         corrected = np.zeros(len(edges.mask), np.uint8)
         corrected[edges.mask & ~found.mask] = 1
         corrected[~edges.mask & found.mask] = 2
@@ -178,7 +187,7 @@ class Scenes:
         solids = f"{part.n_solids} closed solid{'s' if part.n_solids != 1 else ''}"
         figures = [
             ("Check", "valid" if part.valid else "NOT valid"),
-            ("Body", solids if part.closed else f"open: {part.n_free_edges} free edges"),
+            ("Body", solids if part.closed else f"open: {part.n_free_edges} free edge{'s' if part.n_free_edges != 1 else ''}"),
             ("Faces", f"{len(part.faces)}"),
             ("Edges", f"{len(part.edges)}, largest tolerance {part.max_tolerance:.2g} {unit}"),
             ("Volume", f"{part.volume:.5g} {unit}³" if part.closed else "none: the body is open"),

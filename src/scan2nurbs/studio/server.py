@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import re
+import shutil
 from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import BinaryIO
@@ -70,6 +71,7 @@ class _Studio:
     def __init__(self, session: Session, access: Access, home: Path) -> None:
         self.session, self.access, self.home = session, access, home
         self.lock: BinaryIO | None = None
+        self.folder: Path | None = None
 
     async def page(self, _request: Request) -> Response:
         return FileResponse(STATIC / "index.html")
@@ -98,7 +100,7 @@ class _Studio:
     async def upload(self, request: Request) -> Response:
         """Take a scan where none is open, and make a project of it."""
         name = request.query_params.get("name", "")
-        if self.session.project is not None:
+        if not self.session.opens:
             return PlainTextResponse("A scan is open already; start another studio for another scan.", 409)
         if not _NAME.fullmatch(name):
             return PlainTextResponse("The file's name holds signs that do not belong in a name.", 400)
@@ -110,19 +112,33 @@ class _Studio:
             )
         try:
             await run_in_threadpool(folder.mkdir)
-            with scan.open("wb") as stream:
-                size = 0
-                async for chunk in request.stream():
-                    size += len(chunk)
-                    if size > LARGEST_SCAN:
-                        return PlainTextResponse("The scan is larger than 8 GB: start the studio with its name instead.", 413)
-                    await run_in_threadpool(stream.write, chunk)
-            made = await run_in_threadpool(create_project, scan, folder)
-            self.lock = lock_project(folder)
+        except OSError as error:
+            return PlainTextResponse(f"The folder of the project cannot be made: {error.strerror}.", 400)
+        fault = await self._take(request, scan)
+        if fault is not None:
+            shutil.rmtree(folder, ignore_errors=True)  # so that the same scan can be sent again
+            return PlainTextResponse(fault, 400)
+        return PlainTextResponse("")
+
+    async def _take(self, request: Request, scan: Path) -> str | None:
+        """Write a scan into its folder and open it; return what is wrong with it, as a sentence."""
+        try:
+            if not await _written(request, scan):
+                return "The scan is larger than 8 GB: start the studio with its name instead."
+            made = await run_in_threadpool(create_project, scan, scan.parent)
+            self._leave()
+            self.lock, self.folder = lock_project(scan.parent), scan.parent
             self.session.open(made)
         except (Scan2NurbsError, OSError, ClientDisconnect) as error:
-            return PlainTextResponse(f"The scan could not be taken: {error}", 400)
-        return PlainTextResponse("")
+            return f"The scan could not be taken: {error}"
+        return None
+
+    def _leave(self) -> None:
+        """Leave the project of a scan that was sent and cannot be read: there is nothing in it."""
+        if self.lock is not None:
+            self.lock.close()
+        if self.folder is not None:
+            shutil.rmtree(self.folder, ignore_errors=True)
 
     async def talk(self, socket: WebSocket) -> None:
         """Talk to a page until it goes."""
@@ -151,6 +167,18 @@ async def _send(socket: WebSocket, page: Page) -> None:
                 await socket.send_bytes(content)
             else:
                 await socket.send_text(content)
+
+
+async def _written(request: Request, path: Path) -> bool:
+    """Write the body into a file; stop and return False where it is larger than a scan may be."""
+    size = 0
+    with path.open("wb") as stream:
+        async for chunk in request.stream():
+            size += len(chunk)
+            if size > LARGEST_SCAN:
+                return False
+            await run_in_threadpool(stream.write, chunk)
+    return True
 
 
 async def _limited(request: Request, most: int) -> bytes | None:

@@ -31,6 +31,7 @@ from scan2nurbs.studio.messages import (
     Welcome,
 )
 from scan2nurbs.studio.project import EXPORTS, Project
+from scan2nurbs.studio.store import software
 from scan2nurbs.studio.takeaway import export_kinds, export_name
 from scan2nurbs.studio.wire import to_text
 from scan2nurbs.studio.workshop import Answer, Workshop
@@ -124,9 +125,15 @@ class Session:
             self._exports.append(message.kind)
             self._wake.set()
 
+    @property
+    def opens(self) -> bool:
+        """Whether a project may be opened: where there is none, or its scan cannot be read, so that nothing can be done with it."""
+        return self.project is None or ("scan" in self._troubles and not self._results)
+
     def open(self, project: Project) -> None:
-        """Open a project where there was none."""
+        """Open a project where `opens` says that it may be."""
         self.project, self._plan = project, project.plan
+        self._troubles.clear()
         self.compute(project.reached)
 
     def compute(self, until: Step) -> None:
@@ -137,6 +144,9 @@ class Session:
 
     def _edit(self, project: Project, step: Step) -> None:
         plan = project.plan  # raises where the edit says nothing that can be done
+        # What is computed at once, and what the edit brings back; a studio that starts again computes no more than this one did.
+        reached = self._current_until(plan) if step not in self._results else _later(step, self._current_until(plan))
+        project = replace(project, reached=reached)
         project.save()
         self.project, self._plan = project, plan
         if self.running is not None:
@@ -152,6 +162,7 @@ class Session:
     async def work(self) -> None:
         """Run what is asked for, one thing after the other, for as long as the server runs."""
         try:
+            await self.workshop.start()  # it takes seconds, in which a scan is being chosen
             while True:
                 await self._wake.wait()
                 self._wake.clear()
@@ -176,9 +187,8 @@ class Session:
             stale: list[Step] = [step for step in COMPUTED if not self._is_current(step, plan)]
             failed = stale[0] if stale else until
             self._troubles[failed] = (plan.key(failed), trouble)
-        elif STEPS.index(until) > STEPS.index(self._opened().reached) and self._is_current(until, plan):
-            self.project = replace(self._opened(), reached=until)
-            self.project.save()
+        if plan is self._plan:
+            self._save_reached()
         self._changed()
 
     async def _export(self, kind: str) -> None:
@@ -200,12 +210,12 @@ class Session:
             self.tell(Trouble(text=trouble))
         elif (folder / name).exists():
             opened = self._opened()
-            self.project = replace(opened, exports={**opened.exports, name: plan.key("model")})
+            self.project = replace(opened, exports={**opened.exports, name: _export_key(plan)})
             self.project.save()
         self._changed()
 
     async def _ask(self, **request: Any) -> str | None:
-        return await self.workshop.request(self._hear, **request)
+        return await self.workshop.request(self._hear, project=str(self._opened().folder), **request)
 
     async def _hear(self, answer: Answer) -> None:
         if isinstance(answer, bytes):
@@ -215,6 +225,8 @@ class Session:
             result = answer["result"]
             self._results[result["step"]] = result
             self._troubles.pop(result["step"], None)
+            if _later(self._current_until(self._plan), self._opened().reached) != self._opened().reached:
+                self._save_reached()  # at once: whoever is killed before the end has got so far
             self._changed()
         elif answer["say"] == "progress":
             self.tell(Progress(**{name: answer[name] for name in ("step", "stage", "done", "total")}))
@@ -232,6 +244,21 @@ class Session:
     def _is_current(self, step: Step, plan: Plan) -> bool:
         return step in self._results and self._results[step]["key"] == plan.key(step)
 
+    def _current_until(self, plan: Plan) -> Step:
+        """Return the last step up to which nothing has to be computed."""
+        until: Step = "scan"
+        for step in COMPUTED:
+            if not self._is_current(step, plan):
+                break
+            until = step
+        return until
+
+    def _save_reached(self) -> None:
+        reached = self._current_until(self._plan)
+        if reached != self._opened().reached:
+            self.project = replace(self._opened(), reached=reached)
+            self.project.save()
+
     def state(self) -> State:
         """Return the project as it stands."""
         project, plan = self.project, self._plan
@@ -240,6 +267,8 @@ class Session:
         return State(
             project="" if project is None else str(project.folder),
             scan="" if project is None else project.scan.name,
+            opens=self.opens,
+            reached="scan" if project is None else project.reached,
             unit=self._unit(plan),
             revision=self._revision,
             edits=[EditEntry(text=describe_edit(edit), step=step_of(edit), done=k < done) for k, edit in enumerate(edits)],
@@ -277,8 +306,13 @@ class Session:
         for name, key in self.project.exports.items():
             with contextlib.suppress(OSError):
                 size = (self.project.folder / EXPORTS / name).stat().st_size
-                entries.append(FileEntry(name=name, size=size, current=key == plan.key("model")))
+                entries.append(FileEntry(name=name, size=size, current=key == _export_key(plan)))
         return entries
+
+
+def _export_key(plan: Plan) -> str:
+    """Return what an exported file follows from, besides the scan."""
+    return f"{plan.key('model')} {software()}"
 
 
 def _later(one: Step, other: Step) -> Step:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import hashlib
 import threading
 import time
 from collections import OrderedDict
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 from scan2nurbs.edges.params import EdgeParams
 from scan2nurbs.studio.live import moved
 from scan2nurbs.studio.messages import STEPS, Step
+from scan2nurbs.studio.store import NAMES, Name, Store
 
 Result = TypeVar("Result")
 Chain = tuple[Any, ...]
@@ -41,29 +43,53 @@ class Stages:
     """Runs stages for `reconstruct`, see `scan2nurbs.part.StageRunner`.
 
     A stage's result follows from what it is given and from the results before it, so the list of all that was given so far names it.
-    The last few results of each stage are kept.
+    The last few results of each stage are kept in memory, the very last in files, where there is a place for them.
+
+    Parameters
+    ----------
+    store : Store, optional
+        The files.
 
     Attributes
     ----------
     stop : threading.Event
         Set by another thread to stop the run.
+    results : dict of str to object
+        By stage, of this run.
+    seconds, took : dict of str to float
+        By step, and by stage, what computing the results took, now or when they were kept.
+    notes : dict of str to list of str
+        By step, what the files were no use for.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, store: Store | None = None) -> None:
+        self.store = store
         self.stop = threading.Event()
         self._kept: dict[str, OrderedDict[Chain, tuple[Any, float]]] = {}
         self._chain: list[Any] = []
         self._until: Step = "model"
+        self._seen: Callable[[Step], bool] = lambda _step: False
         self._on_step: Callable[[Step], None] = lambda _step: None
         self._step: Step | None = None
         self._sliders: tuple[list[Any], EdgeParams, Any] | None = None
         self.results: dict[str, Any] = {}
         self.seconds: dict[Step, float] = {}
+        self.took: dict[str, float] = {}
+        self.notes: dict[Step, list[str]] = {}
 
-    def begin(self, until: Step, on_step: Callable[[Step], None]) -> None:
-        """Begin a run that ends after the step `until`; `on_step` is called after each step that is done."""
-        self._chain, self._until, self._on_step, self._step = [], until, on_step, None
-        self.results, self.seconds = {}, {}
+    def begin(self, until: Step, on_step: Callable[[Step], None], seen: Callable[[Step], bool] = lambda _step: False) -> None:
+        """Begin a run that ends after the step `until`.
+
+        Parameters
+        ----------
+        until : str
+        on_step : callable
+            Called after each step that is done.
+        seen : callable, optional
+            Asked before the last step whether all that is seen of it is there already, so that the run may end.
+        """
+        self._chain, self._until, self._on_step, self._step, self._seen = [], until, on_step, None, seen
+        self.results, self.seconds, self.took, self.notes = {}, {}, {}, {}
 
     def finish(self) -> None:
         """Tell of the last step."""
@@ -80,6 +106,8 @@ class Stages:
                 raise Reached
         self._step = step
         self.check()
+        if stage == "model" and not self._in_memory(stage, given) and self._is_seen(stage, given):
+            raise Reached
         if isinstance(given, EdgeParams):
             result = self.keep(stage, given, lambda: self._moved(given) or compute())
             self._sliders = (self._chain[:-1], given, result)
@@ -93,23 +121,83 @@ class Stages:
         self._chain += [name, given]
         return self._kept_or(name, compute)
 
-    def aside(self, name: str, compute: Callable[[], Result]) -> Result:
-        """Return what was made before of the results so far, else compute it; no stage follows from it."""
-        return self._kept_or(name, compute)
+    def scene(self, step: Step, key: str, make: Callable[[], Result]) -> Result:
+        """Return what was made before to be seen of a step, else make it; no stage follows from it.
+
+        Parameters
+        ----------
+        step : str
+        key : str
+            What it follows from besides the results so far.
+        make : callable
+        """
+        self._chain += ["key", key]
+        try:
+            return self._kept_or(f"seen-{step}", make)
+        finally:
+            del self._chain[-2:]
+
+    def has_scene(self, step: Step, key: str) -> bool:
+        """Tell whether there is something to be seen of a step without the step's result; `scene` returns it then."""
+        self._chain += ["key", key]
+        try:
+            return self._found(f"seen-{step}") is not None
+        finally:
+            del self._chain[-2:]
+
+    def _in_memory(self, stage: str, given: object) -> bool:
+        return (*self._chain, stage, given) in self._kept.get(stage, ())
+
+    def _is_seen(self, stage: str, given: object) -> bool:
+        self._chain += [stage, given]
+        try:
+            return self._seen(STEP_OF[stage])
+        finally:
+            del self._chain[-2:]
 
     def _kept_or(self, name: str, compute: Callable[[], Result]) -> Result:
-        chain = tuple(self._chain)
-        kept = self._kept.setdefault(name, OrderedDict())
-        if chain not in kept:
+        found = self._found(name)
+        if found is None:
             start = time.perf_counter()
             result = compute()
-            kept[chain] = (result, time.perf_counter() - start)
-            if len(kept) > _KEPT:
-                kept.popitem(last=False)
-        kept.move_to_end(chain)
+            found = self._remember(name, (result, time.perf_counter() - start))
+        if self.store is not None and name in NAMES:
+            self._note(self.store.put(cast(Name, name), self._digest(), *found, self.results))
         step = self._step or "scan"
-        self.seconds[step] = self.seconds.get(step, 0.0) + kept[chain][1]
-        return kept[chain][0]
+        if name in STEP_OF:
+            self.took[name] = found[1]
+        self.seconds[step] = self.seconds.get(step, 0.0) + found[1]
+        return found[0]
+
+    def _found(self, name: str) -> tuple[Any, float] | None:
+        """Return what was kept in memory, else in a file."""
+        kept, chain = self._kept.get(name, OrderedDict()), tuple(self._chain)
+        if chain in kept:
+            kept.move_to_end(chain)
+            return kept[chain]
+        if self.store is None or name not in NAMES:
+            return None
+        found, why = self.store.get(cast(Name, name), self._digest(), self.results)
+        self._note(why)
+        return None if found is None else self._remember(name, found)
+
+    def _remember(self, name: str, found: tuple[Any, float]) -> tuple[Any, float]:
+        kept = self._kept.setdefault(name, OrderedDict())
+        kept[tuple(self._chain)] = found
+        if len(kept) > _KEPT:
+            kept.popitem(last=False)
+        return found
+
+    def _digest(self) -> str:
+        """Return what the results so far follow from, as a short text that holds in another process too."""
+        # Of the scan its bytes count, not where they lie; everything else that is given is made of numbers, words and tuples.
+        _, (_, unit), *rest = self._chain
+        return hashlib.sha256(repr((self.results["read"].sha256, unit, *rest)).encode()).hexdigest()
+
+    def _note(self, why: str | None) -> None:
+        notes = self.notes.setdefault(self._step or "scan", [])
+        if why is not None and why not in notes:
+            notes.append(why)
 
     def _moved(self, params: EdgeParams) -> Any:
         """Return the edges as sliders moved them; None where the cloud has to be passed again."""

@@ -6,6 +6,7 @@ B for a binary frame. When stdin ends the server is gone, and the process ends t
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import queue
@@ -13,8 +14,10 @@ import struct
 import sys
 import threading
 import time
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, TypeVar
 
 from scan2nurbs.errors import Scan2NurbsError
 from scan2nurbs.part import Model, reconstruct
@@ -23,7 +26,10 @@ from scan2nurbs.studio.edits import Plan, replay
 from scan2nurbs.studio.messages import Step
 from scan2nurbs.studio.scenes import Scenes
 from scan2nurbs.studio.stages import STEP_OF, Cancelled, Reached, Stages
+from scan2nurbs.studio.store import FOLDER, Store
 from scan2nurbs.studio.takeaway import take_away
+
+Result = TypeVar("Result")
 
 HEAD = struct.Struct("<Qc")
 _EVERY = 0.05
@@ -53,6 +59,7 @@ class Worker:
     def answer(self, request: dict[str, Any]) -> None:
         """Do what is asked for, and say that it is done or why it is not."""
         try:
+            self._keep_in(Path(request["project"]) / FOLDER)
             if request["do"] == "run":
                 self.run(Path(request["scan"]), replay(request["edits"]), request["until"])
             else:
@@ -61,31 +68,63 @@ class Worker:
         except Cancelled:
             self.say(say="cancelled")
         except (Scan2NurbsError, MemoryError, OSError) as error:
-            self.say(say="done", trouble=_sentence(error))
+            # The scan's folder is known; a long path would hide what is wrong.
+            self.say(say="done", trouble=_sentence(error).replace(request["scan"], Path(request["scan"]).name))
         except Exception as error:
             self.say(say="done", trouble=f"Internal error, please report it: {type(error).__name__}: {error}")
 
-    def run(self, scan: Path, plan: Plan, until: Step) -> Model | None:
+    def run(self, scan: Path, plan: Plan, until: Step) -> None:
         """Compute up to a step, and send what is seen of every step that is not as it was sent last."""
-        self.stages.begin(until, lambda step: self._show(step, plan))
-        try:
-            model = reconstruct(scan, plan.params, unit=plan.unit, progress=self._progress, run=self.stages)
-        except Reached:
-            return None
-        self._show("model", plan, model)
-        return model
+        self.stages.begin(until, lambda step: self._show(step, plan), lambda step: self._show_again(step, plan))
+        with contextlib.suppress(Reached):
+            self._show("model", plan, self._model(scan, plan))
 
     def export(self, scan: Path, plan: Plan, kind: str, path: Path) -> None:
         """Write the model in a format."""
-        model = self.run(scan, plan, "model")
-        assert model is not None
+        self.stages.begin("model", lambda step: self._show(step, plan))
+        model = self._model(scan, plan)
+        self._show("model", plan, model)
         self.say(say="progress", step="export", stage="writing", done=0, total=1)
         take_away(model, plan.params, kind, path)
+
+    def _model(self, scan: Path, plan: Plan) -> Model:
+        model = reconstruct(scan, plan.params, unit=plan.unit, progress=self._progress, run=self._stage)
+        # Reading what was kept takes no time to speak of; the report tells what computing it took.
+        return replace(model, report={**model.report, "seconds": model.report["seconds"] | self.stages.took})
+
+    def _stage(self, stage: str, given: object, compute: Callable[[], Result]) -> Result:
+        def told() -> Result:
+            if stage in _CALLED:
+                self._progress(_CALLED[stage], 0, 0)
+            return compute()
+
+        return self.stages(stage, given, told)
+
+    def _keep_in(self, folder: Path) -> None:
+        """Keep results in a folder; another folder is another project."""
+        if self.stages.store is None or self.stages.store.folder != folder:
+            stop = self.stages.stop
+            self.stages = Stages(Store(folder))
+            self.stages.stop = stop  # another thread has it already
+            self.scenes = Scenes(self.stages)
+            self.sent.clear()
 
     def _show(self, step: Step, plan: Plan, model: Model | None = None) -> None:
         key = plan.key(step)
         if self.sent.get(step) == key or (step == "model" and model is None):
             return
+        self._send_scene(step, key, model)
+
+    def _show_again(self, step: Step, plan: Plan) -> bool:
+        """Send what was seen of a step before; tell whether there is such."""
+        key = plan.key(step)
+        if self.stages.has_scene(step, key):
+            self._send_scene(step, key, None)
+        return self.sent.get(step) == key
+
+    def _send_scene(self, step: Step, key: str, model: Model | None) -> None:
+        if step == "edges" and not self.stages.has_scene(step, key):
+            self._progress("drawing curves", 0, 0)
         result, frames = self.scenes.scene(step, key, model)
         for frame in frames:
             self._send(b"B", frame)
@@ -105,13 +144,18 @@ class Worker:
         self.out.flush()
 
 
-_STEP_OF_STAGE = {
-    "measuring": STEP_OF["scale"],
-    "finding edges": STEP_OF["edges"],
-    "finding faces": STEP_OF["faces"],
-    "finding borders": STEP_OF["topology"],
-    "building the model": STEP_OF["model"],
+_CALLED = {
+    "read": "reading the scan",
+    "scale": "measuring",
+    "edges": "finding edges",
+    "faces": "finding faces",
+    "corrections": "correcting faces",
+    "relations": "relating surfaces",
+    "topology": "finding borders",
+    "model": "building the model",
 }
+"""What stages are called while they are at work; some of them do not say how far they are, or not at once."""
+_STEP_OF_STAGE = {name: STEP_OF[stage] for stage, name in _CALLED.items()} | {"drawing curves": STEP_OF["edges"]}
 
 
 def _sentence(error: BaseException) -> str:

@@ -64,6 +64,10 @@ class Workshop:
             listening.cancel()
             watching.cancel()
 
+    async def start(self) -> None:
+        """Start the process, which the first request would do else."""
+        await self._started()
+
     def cancel(self) -> None:
         """Stop what is being computed."""
         self._cancelled.set()

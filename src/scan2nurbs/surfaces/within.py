@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from scan2nurbs.errors import InputError, NoResultError
 from scan2nurbs.surfaces.explain import lies_within
 from scan2nurbs.surfaces.interior import interior
-from scan2nurbs.surfaces.shape import Floats, Kind
+from scan2nurbs.surfaces.shape import KINDS, Floats, Kind
 from scan2nurbs.surfaces.shape_fit import ShapeFit, fit_shape, judge
 
 # From the simplest on. Spheres have a parameter fewer than cylinders and are rarer: the criterion tells them apart.
@@ -24,7 +25,7 @@ _GROUPS: tuple[tuple[Kind, ...], ...] = (
 )
 
 
-def fit_within(points: Floats, *, noise: float, tolerance: float, kind: Kind | None = None) -> ShapeFit:
+def fit_within(points: Floats, *, noise: float, tolerance: float, kind: Kind | None = None, kinds: Sequence[Kind] = KINDS) -> ShapeFit:
     """Fit the simplest surface that lies within a tolerance of points, besides their noise.
 
     Parameters
@@ -38,6 +39,8 @@ def fit_within(points: Floats, *, noise: float, tolerance: float, kind: Kind | N
         where it asks for them.
     kind : str, optional
         The kind that the surface has to be of; the simplest unless given.
+    kinds : sequence of str
+        What to choose the simplest from.
 
     Returns
     -------
@@ -60,7 +63,7 @@ def fit_within(points: Floats, *, noise: float, tolerance: float, kind: Kind | N
         return fit if _good(fit, inside, noise, tolerance) else _told(fit, f"The {kind} lies farther from the points than its tolerance.")
     tried: list[ShapeFit] = []
     for group in _GROUPS:
-        fits = [fit for kind in group if (fit := _try(kind, points, noise, tolerance)) is not None]
+        fits = [fit for kind in group if kind in kinds and (fit := _try(kind, points, noise, tolerance)) is not None]
         good = [fit for fit in fits if _good(fit, inside, noise, tolerance)]
         if good:
             sigma, weights = max(noise, _bounded(tolerance, points) / 3.0), np.ones(len(points))

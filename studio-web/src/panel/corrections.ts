@@ -12,6 +12,7 @@ export function boundaryPanel(store: Store, selection: Selection, pointer: Point
   };
   const update = () => {
     const some = selection.count > 0;
+    element.hidden = store.result("edges") === null;
     fill(
       element,
       h("h3", {}, "Correct by hand"),
@@ -26,7 +27,7 @@ export function boundaryPanel(store: Store, selection: Selection, pointer: Point
       ),
     );
   };
-  store.on(["selection", "step"], update);
+  store.on(["selection", "step", "state"], update);
   update();
   return element;
 }
@@ -41,8 +42,9 @@ export function facesPanel(store: Store, selection: Selection, pointer: Pointer)
     const [faces, some] = [store.faces, selection.count > 0];
     const one = faces.length === 1 ? faces[0]! : null;
     const entry = store.entries().find((other) => other.number === one);
+    element.hidden = store.result("faces") === null;
     const kinds = h("select", { id: "face-kind", disabled: one === null, title: "Choose the type of the face's surface", onchange: () => step({ type: { face: one, kind: kinds.value } }) });
-    fill(kinds, h("option", { value: "" }, "Type…"), ...(store.welcome?.kinds ?? []).map((kind) => h("option", { value: kind }, kind)));
+    fill(kinds, h("option", { value: "" }, "Type…"), ...(store.welcome?.kinds ?? []).map((kind) => h("option", { value: kind }, kind === "bspline" ? "bspline (NURBS)" : kind)));
     kinds.value = entry?.kind ?? "";
     const unit = store.state?.unit ?? "";
     const far = `How far the face's surface may lie from its points besides their noise, in ${unit}; it is as simple as that allows`;
@@ -70,7 +72,7 @@ export function facesPanel(store: Store, selection: Selection, pointer: Pointer)
       ),
     );
   };
-  store.on(["selection", "step", "faces", "state", "welcome"], update);
+  store.on(["selection", "step", "faces", "state", "welcome", "frame"], update);
   update();
   return element;
 }

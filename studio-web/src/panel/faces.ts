@@ -5,7 +5,8 @@ import type { Store } from "../store";
 import { css } from "../view/colours";
 
 export function facesList(store: Store): HTMLElement {
-  const element = h("div", { class: "faces", role: "listbox", "aria-label": "Faces" });
+  const list = h("div", { class: "faces", role: "listbox", "aria-label": "Faces" });
+  const said = h("p", { class: "help" });
   const update = () => {
     const unit = store.state?.unit ?? "";
     const rows = store.entries().map((entry) => {
@@ -18,19 +19,23 @@ export function facesList(store: Store): HTMLElement {
         "button",
         { class: "face", role: "option", "aria-selected": String(on), title, onclick: ((event: MouseEvent) => store.choose(entry.number, event.shiftKey || event.ctrlKey)) as unknown },
         swatch,
-        h("span", {}, entry.name),
+        h("span", {}, entry.name, entry.notes.length ? h("span", { class: "warning" }, " ⚠") : null),
         h("span", { class: "dim" }, count(entry.n_points)),
         h("span", { class: "dim" }, off),
       );
     });
-    fill(element, ...rows);
+    const heads = ["", "Face", "Points", `Deviation, rms`].map((text) => h("span", {}, text));
+    const top = list.scrollTop;
+    fill(list, ...(rows.length ? [h("div", { class: "face heads dim", "aria-hidden": "true" }, ...heads), ...rows] : []));
     const chosen = store.entries().find((entry) => entry.number === store.faces[0]);
     const known = chosen && store.faces.length === 1 ? about(chosen, unit) : "";
-    if (known) element.append(h("p", { class: "help" }, `${chosen!.name}: ${known}`));
+    list.scrollTop = top;
+    fill(said, known ? `${chosen!.name}: ${[known, ...chosen!.notes].join("; ")}` : "");
   };
-  store.on(["state", "faces", "step"], update);
+  store.on(["state", "faces", "step", "frame"], update);
+  store.on(["faces"], () => list.querySelector("[aria-selected=true]")?.scrollIntoView({ block: "nearest" }));
   update();
-  return element;
+  return h("div", {}, list, said);
 }
 
 /** What is known of a face's surface, and what was asked for. */

@@ -13,6 +13,7 @@ export class Form {
     private readonly without: string[] = [],
   ) {
     store.on(["state", "welcome"], () => this.update());
+    store.on(["trouble"], () => ((this.shown = ""), this.update()));
     this.update();
   }
 

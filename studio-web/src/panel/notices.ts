@@ -5,15 +5,18 @@ import type { Store } from "../store";
 export function progressBar(store: Store): HTMLElement {
   const bar = h("div", { class: "fill" });
   const text = h("span", {});
-  const stop = h("button", { onclick: () => store.send({ type: "Cancel" }) }, "Stop");
+  const stop = h("button", { id: "stop", onclick: () => store.stop() }, "Stop");
   const element = h("div", { class: "progress", role: "status", hidden: true }, h("div", { class: "track" }, bar), text, stop);
   const update = () => {
     const { progress, state } = store;
     element.hidden = !state?.running;
     if (!state?.running) store.progress = null;
+    stop.hidden = store.stopping;
     const share = progress && progress.total > 0 ? progress.done / progress.total : 0;
     bar.style.width = `${Math.round(100 * share)}%`;
-    text.textContent = progress ? `${progress.stage}, ${Math.round(100 * share)} %` : "starting";
+    const counted = progress !== null && progress.total > 0 && !store.stopping;
+    bar.parentElement!.classList.toggle("uncounted", !counted);
+    text.textContent = counted ? `${progress.stage}, ${Math.round(100 * share)} %` : `${store.stopping ? "stopping" : (progress?.stage ?? "starting")} …`;
   };
   store.on(["state", "progress"], update);
   return element;
@@ -33,7 +36,8 @@ export function offline(store: Store): HTMLElement {
   const element = h("div", { class: "offline", role: "alert", hidden: true });
   store.on(["online"], () => {
     element.hidden = store.online.yes;
-    fill(element, store.online.why);
+    const project = store.state?.project;
+    fill(element, store.online.why, project ? h("span", {}, " The project is ", h("code", {}, project), ".") : null);
   });
   return element;
 }
@@ -42,10 +46,13 @@ export function offline(store: Store): HTMLElement {
 export function welcomePanel(store: Store, toasts: Toasts): HTMLElement {
   const input = h("input", { type: "file", id: "scan-file" });
   const text = h("p", {});
-  const zone = h("div", { class: "drop", hidden: true }, h("h2", {}, "Open a scan"), h("p", {}, "Drop the file of a scan here, or choose one: PLY, PCD, XYZ, LAS, E57, STL, OBJ, …"), input, text, h("p", { class: "help" }, "Or start the studio with it: ", h("code", {}, "scan2nurbs studio SCAN")));
+  const zone = h("div", { class: "drop", hidden: true }, h("h2", {}, "Open a scan"), h("p", {}, "Drop the file of a scan here, or choose one: PLY, PCD, XYZ, LAS, E57, STL, OBJ, …"), input, text, h("p", { class: "help" }, "It is copied into a project folder, where the studio was started. To go on with a project, or to work beside the scan: ", h("code", {}, "scan2nurbs studio SCAN-OR-PROJECT")));
   const upload = async (file: File) => {
     text.textContent = `Reading ${file.name} …`;
+    input.disabled = true;
     const answer = await fetch(`scan?name=${encodeURIComponent(file.name)}`, { method: "POST", body: file }).catch(() => null);
+    input.disabled = false;
+    input.value = ""; // the same file may be chosen again once it was mended
     text.textContent = "";
     if (!answer?.ok) toasts.show(answer ? await answer.text() : "The scan could not be sent to the studio.");
   };
@@ -56,6 +63,12 @@ export function welcomePanel(store: Store, toasts: Toasts): HTMLElement {
     const file = event.dataTransfer?.files[0];
     if (file) void upload(file);
   });
-  store.on(["state"], () => (zone.hidden = !store.state || store.state.project !== ""));
+  store.on(["state"], () => {
+    const { state } = store;
+    zone.hidden = !state?.opens;
+    const trouble = state?.steps.find((entry) => entry.trouble)?.trouble;
+    if (trouble && state.opens) fill(text, h("span", { class: "trouble" }, `${trouble} Choose another file.`));
+    else if (state?.project) fill(text, "");
+  });
   return zone;
 }

@@ -1,6 +1,6 @@
 /** The six steps at the side: where one is, what to do, what came out. */
 import { fill, h } from "../dom";
-import { STEPS, type Step, type StepState } from "../messages";
+import { STEPS, type Step, type StepResult } from "../messages";
 import type { Store } from "../store";
 
 interface About {
@@ -13,16 +13,19 @@ export const ABOUT: Record<Step, About> = {
   scan: { title: "Scan", text: "These are the points as they were read. Check extent and unit: a wrong unit makes a part of the wrong size.", action: "Measure the scan" },
   edges: { title: "Edges", text: "Points where the surface turns sharply. Move the threshold until the edges stand out, and nothing else.", action: "Find edges" },
   faces: { title: "Faces", text: "Points in groups, each explained by one surface. Merge what belongs together, split what does not.", action: "Find faces" },
-  surfaces: { title: "Surfaces", text: "A surface for each face, and the borders along which they meet. Points are coloured by their distance from it.", action: "Fit surfaces" },
-  model: { title: "Model", text: "Faces trimmed along shared edges and sewn into one body, checked by the CAD kernel.", action: "Build the model" },
+  surfaces: { title: "Surfaces", text: "A surface for each face, and the borders along which they meet, red where the scan ends. Points are coloured by their distance from their surface.", action: "Fit surfaces" },
+  model: { title: "Model", text: "Faces trimmed along shared edges and sewn into one body, checked by the CAD kernel. Red edges are open: no other face meets there.", action: "Build the model" },
   export: { title: "Export", text: "Take the model away as a file.", action: "" },
 };
 
-export function stepsPanel(store: Store, bodies: Record<Step, HTMLElement[]>): HTMLElement {
+/** `bodies` stand before a step's figures, `lists` behind them. */
+export function stepsPanel(store: Store, bodies: Record<Step, HTMLElement[]>, lists: Partial<Record<Step, HTMLElement[]>>): HTMLElement {
   const list = h("nav", { class: "steps", "aria-label": "Steps" });
   const head = h("div", {});
+  const alarm = h("div", {});
   const foot = h("div", { class: "outcome" });
   const body = h("div", { class: "step-body" });
+  const rest = h("div", {});
   const next = h("div", { class: "next" });
 
   function update(): void {
@@ -37,27 +40,40 @@ export function stepsPanel(store: Store, bodies: Record<Step, HTMLElement[]>): H
       }),
     );
     const state = states.find((entry) => entry.step === store.step);
-    fill(head, h("h2", {}, ABOUT[store.step].title), h("p", { class: "help lead" }, ABOUT[store.step].text));
-    fill(foot, ...(state ? outcome(state) : []));
+    const opened = !store.state || store.state.project !== "";
+    fill(head, h("h2", {}, ABOUT[store.step].title), h("p", { class: "help lead" }, opened ? ABOUT[store.step].text : "There is no scan yet. Drop its file on the right; the steps above then lead from its points to a CAD model."));
+    fill(alarm, ...troubles(store));
+    fill(foot, ...(state?.result ? outcome(state.result) : []));
     fill(next, ...buttons(store));
+    body.hidden = foot.hidden = rest.hidden = !opened;
   }
 
   store.on(["state", "step", "progress"], update);
-  store.on(["step"], () => fill(body, ...bodies[store.step]));
-  fill(body, ...bodies[store.step]);
+  const place = () => (fill(body, ...bodies[store.step]), fill(rest, ...(lists[store.step] ?? [])));
+  store.on(["step"], place);
+  place();
   update();
-  return h("aside", { class: "side" }, list, h("div", { class: "scroll" }, head, next, body, foot));
+  return h("aside", { class: "side" }, list, h("div", { class: "scroll" }, head, next, alarm, body, foot, rest));
 }
 
 const WORDS: Record<string, string> = { empty: "not done yet", current: "done", outdated: "to be done again", running: "at work", failed: "failed" };
 
-function outcome(state: StepState): HTMLElement[] {
+/** What stands in the way of this step: its own trouble, or that of a step that it needs. */
+function troubles(store: Store): HTMLElement[] {
+  const upTo = STEPS.indexOf(store.step);
+  const failed = store.state?.steps.find((entry) => entry.trouble && STEPS.indexOf(entry.step) <= upTo);
+  if (!failed) return [];
+  const there = failed.step === store.step;
+  const where = there ? null : h("button", { onclick: () => store.goTo(failed.step) }, `Go to ${ABOUT[failed.step].title}`);
+  const undo = store.state!.can_undo ? h("button", { onclick: () => store.send({ type: "Undo" }) }, "Undo the last change") : null;
+  return [h("div", { class: "trouble", role: "alert" }, h("p", {}, there ? "" : `${ABOUT[failed.step].title}: `, failed.trouble), h("div", { class: "buttons" }, where, undo))];
+}
+
+function outcome(result: StepResult): HTMLElement[] {
   const parts: HTMLElement[] = [];
-  if (state.trouble) parts.push(h("p", { class: "trouble", role: "alert" }, state.trouble));
-  if (!state.result) return parts;
-  const rows = [...state.result.figures, { label: "Time", value: time(state.result.seconds) }];
+  const rows = [...result.figures, { label: "Time", value: time(result.seconds) }];
   parts.push(h("h3", {}, "Figures"), h("dl", { class: "figures" }, ...rows.flatMap((row) => [h("dt", {}, row.label), h("dd", {}, row.value)])));
-  if (state.result.warnings.length) parts.push(h("h3", {}, "Warnings"), ...state.result.warnings.map((text) => h("p", { class: "warning" }, text)));
+  if (result.warnings.length) parts.push(h("h3", {}, "Warnings"), ...result.warnings.map((text) => h("p", { class: "warning" }, text)));
   return parts;
 }
 
@@ -69,9 +85,9 @@ function buttons(store: Store): HTMLElement[] {
   const place = STEPS.indexOf(step);
   if (step === "export") {
     if (store.status("model") === "current") return [];
-    return [h("p", { class: "help" }, "The model is not up to date; exporting builds it first.")];
+    return [h("p", { class: "help" }, store.result("model") ? "The model is not up to date; exporting builds it again first." : "There is no model yet; exporting builds it first, with all that it needs.")];
   }
-  if (status === "running") return [h("button", { class: "wide", id: "cancel", onclick: () => store.send({ type: "Cancel" }) }, "Stop")];
+  if (status === "running") return [h("button", { class: "wide", id: "cancel", disabled: store.stopping, onclick: () => store.stop() }, store.stopping ? "Stopping …" : "Stop")];
   if (status !== "current") {
     const again = status === "empty" ? ABOUT[step].action : `${ABOUT[step].action} again`;
     return [h("button", { class: "primary wide", id: "compute", disabled: state.running !== null, title: "Compute this step and what it needs (Enter)", onclick: () => store.send({ type: "Compute", until: step }) }, again)];

@@ -47,7 +47,7 @@ export class Cloud {
     this.column("chosen", this.chosen);
     this.geometry.computeBoundingBox();
     this.geometry.computeBoundingSphere();
-    this.uniforms.size.value = 1.25 * spacing;
+    this.uniforms.size.value = 1.5 * spacing;
     const material = { glslVersion: THREE.GLSL3, uniforms: this.uniforms };
     this.points = new THREE.Points(
       this.geometry,

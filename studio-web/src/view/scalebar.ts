@@ -7,7 +7,8 @@ export class ScaleBar {
   readonly element = h("div", { class: "scalebar", title: "Length on the plane through the middle" }, this.bar, this.text);
 
   update(pixels: number, unit: string): void {
-    if (!(pixels > 0) || !Number.isFinite(pixels)) return;
+    this.element.hidden = !(pixels > 0) || !Number.isFinite(pixels);
+    if (this.element.hidden) return;
     const most = 150 / pixels;
     const power = 10 ** Math.floor(Math.log10(most));
     const length = [5, 2, 1].map((factor) => factor * power).find((value) => value <= most) ?? power;

@@ -36,10 +36,10 @@ export class Sync {
 
   /** The colouring that belongs to a step. */
   natural(): Colouring {
-    if (this.store.step === "scan") return "plain";
-    if (this.store.step === "edges") return this.strength ? "strength" : "plain";
+    if (this.store.step === "scan") return "height";
+    if (this.store.step === "edges") return this.strength ? "strength" : "height";
     if (this.store.step === "surfaces" && this.store.frames.has("surfaces")) return "deviation";
-    return this.store.facesStep() ? "face" : "plain";
+    return this.store.facesStep() ? "face" : "height";
   }
 
   colour(colouring: Colouring): void {
@@ -72,7 +72,7 @@ export class Sync {
       this.store.tell("threshold");
     }
     this.refresh();
-    if (this.natural() !== this.colouring && name === this.store.step) this.colour(this.natural());
+    if (this.natural() !== this.colouring && (name === this.store.step || name === "cloud")) this.colour(this.natural());
   }
 
   /** Give points and layers what belongs to the step that is looked at. */
