@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from scan2nurbs.edges.border import find_borders
 from scan2nurbs.edges.chains import chain_extent
-from scan2nurbs.edges.operators import Lengths, Strength, compare_planes, one_sided_planes_of
+from scan2nurbs.edges.operators import RADIUS_RANGE, Lengths, Strength, compare_planes, one_sided_planes_of
 from scan2nurbs.edges.params import EdgeParams
 from scan2nurbs.kernels.alongside import mean_along, nearest_piece
 from scan2nurbs.kernels.bend_widths import Bends, fit_bends
@@ -34,6 +35,9 @@ MEAN_REACH, MEANS = 4.0, 8
 # The best of the bumps that noise makes look like short shallow creases. Pieces 10 h apart share no points, so that evidence adds up
 # along a chain of pieces, which follow each other closer than 1.5 h, and of its sum more is asked for.
 APART, FOLLOWS, SUM = 10.0, 1.5, 10.0
+# A second look with the narrowest window is worth its time where the first is wider than this times it; how near to a piece of
+# rounding, in h, what looks sharp in it does not count.
+FINER, VETO = 1.15, 1.5
 # How far from the crease points are marked, in h, and half the length of a piece of it.
 REACH, HALF_PIECE = 0.85, 1.0
 # The comparison that tells where the surface breaks: a wedge is the best of 57 splits (4 = log 57), and its extra parameters must
@@ -62,14 +66,15 @@ def crease(cells: Cells, lengths: Lengths, params: EdgeParams, progress: Progres
     few points to tell in noise, and a wider one other edges; but a crease is long, and what a rounding looks like is the same all
     along it. Candidates are a few per cent of the points, at about 100 µs each.
     """
-    planes = one_sided_planes_of(cells, lengths, params, progress)
-    candidates = compare_planes(cells, planes, lengths, progress)
+    wide = _look(cells, lengths, params, _window(lengths), progress)
+    seen, candidates = wide.creases, wide.candidates
     border = find_borders(cells, candidates.normal, np.full(len(cells.points), lengths.h), lengths.h, lengths.noise).outline
-    places = np.flatnonzero(candidates.strength > CANDIDATE)
-    meetings = meeting_sides(cells, planes.normals.balls, planes.chosen, places, SIDES * lengths.h)
-    window = float(np.clip(WINDOW * math.sqrt(lengths.noise / lengths.h), *WINDOW_RANGE)) * lengths.h
-    meetings, bends = _bends(cells, places, meetings, window, lengths)
-    pieces = _sharp_pieces(meetings, bends, lengths)
+    pieces = _sharp(seen, lengths)
+    window = {"window": wide.window}
+    if params.radius is None and wide.window > FINER * WINDOW_RANGE[0] * lengths.h:
+        fine = _look(cells, lengths, replace(params, radius=RADIUS_RANGE[0], absolute=False), WINDOW_RANGE[0] * lengths.h, progress)
+        pieces = _joined(pieces, _without_rounded(_sharp(fine.creases, lengths), seen, lengths), lengths)
+        window["fine_window"] = fine.window
     reach = REACH * lengths.h if params.reach is None else params.reach * (1.0 if params.absolute else lengths.h)
     strength = np.where(np.isnan(candidates.strength), np.nan, 0.0)
     strength[border] = 90.0
@@ -80,18 +85,49 @@ def crease(cells: Cells, lengths: Lengths, params: EdgeParams, progress: Progres
     return Strength(
         strength=strength,
         normal=candidates.normal,
-        radii=candidates.radii | {"window": window, "reach": reach},
+        radii=candidates.radii | window | {"reach": reach},
         counts=candidates.counts
-        | {"crease_candidates": len(places), "crease_pieces": len(pieces.turn), "border_points": int(border.sum())},
+        | {"crease_candidates": wide.n_places, "crease_pieces": len(pieces.turn), "border_points": int(border.sum())},
     )
 
 
 class Pieces(NamedTuple):
-    """Short pieces of sharp creases, sorted into cells by their middles, with direction (K, 3) and turn (K,) in radians."""
+    """Short pieces of creases, sorted into cells by their middles, with direction (K, 3) and turn (K,) in radians."""
 
     feet: Cells
     direction: NDArray[np.float64]
     turn: NDArray[np.float64]
+
+
+class Creases(NamedTuple):
+    """Pieces of creases with the mean logarithms of the likelihoods (K,) of a sharp bend, and of the best rounded one, over one curved face."""
+
+    pieces: Pieces
+    sharp: NDArray[np.float64]
+    rounded: NDArray[np.float64]
+
+
+class Look(NamedTuple):
+    """What was seen through windows of one width."""
+
+    window: float
+    candidates: Strength
+    n_places: int
+    creases: Creases
+
+
+def _window(lengths: Lengths) -> float:
+    return float(np.clip(WINDOW * math.sqrt(lengths.noise / lengths.h), *WINDOW_RANGE)) * lengths.h
+
+
+def _look(cells: Cells, lengths: Lengths, params: EdgeParams, window: float, progress: Progress | None) -> Look:
+    """Fit bends in windows of one width wherever one-sided normals differ."""
+    planes = one_sided_planes_of(cells, lengths, params, progress)
+    candidates = compare_planes(cells, planes, lengths, progress)
+    places = np.flatnonzero(candidates.strength > CANDIDATE)
+    meetings = meeting_sides(cells, planes.normals.balls, planes.chosen, places, SIDES * lengths.h)
+    meetings, bends = _bends(cells, places, meetings, window, lengths)
+    return Look(window, candidates, len(places), _weigh(meetings, bends, lengths))
 
 
 def _bends(cells: Cells, places: NDArray[np.int64], meetings: Meetings, window: float, lengths: Lengths) -> tuple[Meetings, Bends]:
@@ -119,11 +155,11 @@ def _bends(cells: Cells, places: NDArray[np.int64], meetings: Meetings, window: 
     return meetings, bends
 
 
-def _sharp_pieces(meetings: Meetings, bends: Bends, lengths: Lengths) -> Pieces:
-    """Average the likelihoods along the creases and keep the pieces that are sharp."""
+def _weigh(meetings: Meetings, bends: Bends, lengths: Lengths) -> Creases:
+    """Average the likelihoods along the creases."""
     kept = np.flatnonzero(np.isfinite(bends.turn) & np.isfinite(bends.misfit).all(axis=1))
     if len(kept) == 0:
-        return Pieces(build_cells(np.zeros((1, 3)), 1.0), np.zeros((0, 3)), np.zeros(0))
+        return Creases(_pieces(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), lengths), np.zeros(0), np.zeros(0))
     feet = build_cells(bends.foot[kept], MEAN_REACH * lengths.h)
     kept = kept[feet.order]
     misfit = bends.misfit[kept]
@@ -135,15 +171,41 @@ def _sharp_pieces(meetings: Meetings, bends: Bends, lengths: Lengths) -> Pieces:
     up = np.cross(direction, across)
     for _ in range(MEANS):
         values = mean_along(feet, direction, up, values, MEAN_REACH * lengths.h, lengths.h)
-    sharp, rounded, turn = values[:, 0], values[:, 1:-1].max(axis=1), values[:, -1]
-    good = np.flatnonzero((sharp > EVIDENCE) & (sharp - rounded > ROUNDING))
-    extent = chain_extent(feet.points[good], FOLLOWS * lengths.h) / lengths.h
-    good = good[sharp[good] * (1.0 + extent / APART) > SUM]
-    if len(good) == 0:
-        return Pieces(feet, np.zeros((0, 3)), np.zeros(0))
-    pieces = build_cells(feet.points[good], 2.0 * lengths.h)
-    good = good[pieces.order]
-    return Pieces(pieces, np.ascontiguousarray(direction[good]), turn[good])
+    return Creases(Pieces(feet, direction, values[:, -1]), values[:, 0], values[:, 1:-1].max(axis=1))
+
+
+def _sharp(creases: Creases, lengths: Lengths) -> Pieces:
+    """Keep the pieces that are sharp, with evidence enough for the length of their chain."""
+    pieces, sharp = creases.pieces, creases.sharp
+    good = np.flatnonzero((sharp > EVIDENCE) & (sharp - creases.rounded > ROUNDING))
+    extent = chain_extent(pieces.feet.points[good], FOLLOWS * lengths.h) / lengths.h
+    return _chosen(pieces, good[sharp[good] * (1.0 + extent / APART) > SUM], lengths)
+
+
+def _without_rounded(pieces: Pieces, seen: Creases, lengths: Lengths) -> Pieces:
+    """Leave out the pieces beside which a wider window saw a rounding, which may look sharp through a narrow one."""
+    rounded = np.flatnonzero((seen.rounded > EVIDENCE) & (seen.sharp - seen.rounded <= ROUNDING))
+    if len(rounded) == 0 or len(pieces.turn) == 0:
+        return pieces
+    veto = _chosen(seen.pieces, rounded, lengths)
+    beside = nearest_piece(pieces.feet, veto.feet, veto.direction, HALF_PIECE * lengths.h, VETO * lengths.h)
+    return _chosen(pieces, np.flatnonzero(beside < 0), lengths)
+
+
+def _chosen(pieces: Pieces, which: NDArray[np.int64], lengths: Lengths) -> Pieces:
+    return _pieces(pieces.feet.points[which], pieces.direction[which], pieces.turn[which], lengths)
+
+
+def _joined(a: Pieces, b: Pieces, lengths: Lengths) -> Pieces:
+    points = np.concatenate((a.feet.points[: len(a.turn)], b.feet.points[: len(b.turn)]))
+    return _pieces(points, np.concatenate((a.direction, b.direction)), np.concatenate((a.turn, b.turn)), lengths)
+
+
+def _pieces(points: NDArray[np.float64], direction: NDArray[np.float64], turn: NDArray[np.float64], lengths: Lengths) -> Pieces:
+    if len(points) == 0:
+        return Pieces(build_cells(np.zeros((1, 3)), 1.0), np.zeros((0, 3)), np.zeros(0))
+    feet = build_cells(points, 2.0 * lengths.h)
+    return Pieces(feet, np.ascontiguousarray(direction[feet.order]), turn[feet.order])
 
 
 def breaks(cells: Cells, places: NDArray[np.float64], lengths: Lengths) -> NDArray[np.bool_]:
