@@ -17,6 +17,7 @@ from scan2nurbs.kernels.alongside import mean_along, nearest_piece
 from scan2nurbs.kernels.bend_widths import Bends, fit_bends
 from scan2nurbs.kernels.cells import Cells, build_cells
 from scan2nurbs.kernels.creases import fit_wedges
+from scan2nurbs.kernels.nearest import nearest_to
 from scan2nurbs.kernels.runner import Progress
 from scan2nurbs.kernels.sides import Meetings, meeting_sides
 
@@ -37,9 +38,10 @@ MEAN_REACH, MEANS = 4.0, 8
 APART, FOLLOWS, SUM = 10.0, 1.5, 10.0
 # A second look with the narrowest window is worth its time where the first is wider than this times it; how near to a piece of
 # rounding, in h, what looks sharp in it does not count.
-FINER, VETO = 1.15, 1.5
+FINER, VETO, SAME = 1.15, 1.5, 2.0
+ALIGN = 2.5
 # How far from the crease points are marked, in h, and half the length of a piece of it.
-REACH, HALF_PIECE = 0.85, 1.0
+REACH, HALF_PIECE = 0.5, 1.0
 # The comparison that tells where the surface breaks: a wedge is the best of 57 splits (4 = log 57), and its extra parameters must
 # pay too (4: two of them, at half the logarithm of some fifty points each).
 WEDGE_EVIDENCE = 8.0
@@ -73,13 +75,15 @@ def crease(cells: Cells, lengths: Lengths, params: EdgeParams, progress: Progres
     window = {"window": wide.window}
     if params.radius is None and wide.window > FINER * WINDOW_RANGE[0] * lengths.h:
         fine = _look(cells, lengths, replace(params, radius=RADIUS_RANGE[0], absolute=False), WINDOW_RANGE[0] * lengths.h, progress)
-        pieces = _joined(pieces, _without_rounded(_sharp(fine.creases, lengths), seen, lengths), lengths)
+        more = _apart_from(_sharp(fine.creases, lengths), pieces, SAME * lengths.h, lengths)
+        pieces = _joined(pieces, _without_rounded(more, seen, lengths), lengths)
         window["fine_window"] = fine.window
     reach = REACH * lengths.h if params.reach is None else params.reach * (1.0 if params.absolute else lengths.h)
     strength = np.where(np.isnan(candidates.strength), np.nan, 0.0)
     strength[border] = 90.0
     if len(pieces.turn) > 0:
-        nearest = nearest_piece(cells, pieces.feet, pieces.direction, HALF_PIECE * lengths.h, reach)
+        pieces = _aligned(pieces, lengths)
+        nearest = _marked(cells, pieces, lengths, reach)
         found = (nearest >= 0) & ~np.isnan(strength) & ~border
         strength[found] = np.minimum(np.degrees(pieces.turn[nearest[found]]), 90.0)
     return Strength(
@@ -187,9 +191,35 @@ def _without_rounded(pieces: Pieces, seen: Creases, lengths: Lengths) -> Pieces:
     rounded = np.flatnonzero((seen.rounded > EVIDENCE) & (seen.sharp - seen.rounded <= ROUNDING))
     if len(rounded) == 0 or len(pieces.turn) == 0:
         return pieces
-    veto = _chosen(seen.pieces, rounded, lengths)
-    beside = nearest_piece(pieces.feet, veto.feet, veto.direction, HALF_PIECE * lengths.h, VETO * lengths.h)
+    return _apart_from(pieces, _chosen(seen.pieces, rounded, lengths), VETO * lengths.h, lengths)
+
+
+def _apart_from(pieces: Pieces, others: Pieces, reach: float, lengths: Lengths) -> Pieces:
+    """Leave out the pieces closer than `reach` to others."""
+    if len(pieces.turn) == 0 or len(others.turn) == 0:
+        return pieces
+    beside = nearest_piece(pieces.feet, others.feet, others.direction, HALF_PIECE * lengths.h, reach)
     return _chosen(pieces, np.flatnonzero(beside < 0), lengths)
+
+
+def _aligned(pieces: Pieces, lengths: Lengths) -> Pieces:
+    """Move the pieces across onto the mean line of those that carry on them."""
+    if len(pieces.turn) == 0:
+        return pieces
+    points, direction = pieces.feet.points, pieces.direction
+    step = mean_along(pieces.feet, direction, direction, points, ALIGN * lengths.h, lengths.h) - points
+    step -= np.einsum("ki,ki->k", step, direction)[:, None] * direction
+    return _pieces(points + step, direction, pieces.turn, lengths)
+
+
+def _marked(cells: Cells, pieces: Pieces, lengths: Lengths, reach: float) -> NDArray[np.int32]:
+    """Return for each point the piece that it lies on, or -1: one closer than `reach`, or one of which it is the nearest point."""
+    half = HALF_PIECE * lengths.h
+    on = nearest_piece(cells, pieces.feet, pieces.direction, half, reach)
+    index, distance = nearest_to(cells, pieces.feet.points, 1)
+    alone = np.flatnonzero((distance[:, 0] < half) & (on[index[:, 0]] < 0))
+    on[index[alone, 0]] = alone
+    return on
 
 
 def _chosen(pieces: Pieces, which: NDArray[np.int64], lengths: Lengths) -> Pieces:
