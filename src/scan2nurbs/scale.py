@@ -122,16 +122,17 @@ def estimate_noise(cells: Cells, h: float) -> float:
     lies among them the residual is no noise, so it is not the median residual that counts but a low quantile, divided by
     what that quantile of a chi-square variable with as many degrees of freedom would be. Parts whose features are a few spacings
     wide have few smooth places even so: the nearest 16 points are asked first. Strong noise thickens these into a ball, which shows
-    only part of it; the rest is added as on a noisy plane. Where the ball is so thick that little can be told, the neighbourhood grows.
+    only part of it; the rest is added as on a noisy plane. Where the ball is so thick that little can be told, the neighbourhood grows;
+    and the least answer counts, since on fine features a larger one has larger residuals, which are no noise.
     """
-    noise = 0.0
+    answers = []
     for k, believed in NEIGHBOURHOODS:
         if len(cells.points) < k:
             break
-        noise = _unhidden(_quadric_noise(cells, k) / h, k) * h
-        if noise < believed * h:
+        answers.append(_unhidden(_quadric_noise(cells, k) / h, k) * h)
+        if answers[-1] < believed * h:
             break
-    return noise
+    return min(answers, default=0.0)
 
 
 def _unhidden(shown: float, k: int) -> float:
