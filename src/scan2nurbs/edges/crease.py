@@ -14,7 +14,7 @@ from scan2nurbs.edges.chains import chain_extent
 from scan2nurbs.edges.operators import RADIUS_RANGE, Lengths, Strength, compare_planes, one_sided_planes_of
 from scan2nurbs.edges.params import EdgeParams
 from scan2nurbs.kernels.alongside import mean_along, nearest_piece
-from scan2nurbs.kernels.bend_widths import Bends, fit_bends
+from scan2nurbs.kernels.bend_widths import FLOOR, Bends, fit_bends
 from scan2nurbs.kernels.cells import Cells, build_cells
 from scan2nurbs.kernels.creases import fit_wedges
 from scan2nurbs.kernels.nearest import nearest_to
@@ -29,13 +29,17 @@ SIDES, TELLING = 3.0, 2.5
 WIDTHS = (0.0, 1.2, 2.0, 3.0, 4.5)
 # The half-width of the window across a crease, in h: this times the root of the noise in h, within the bounds; it is half as long again.
 WINDOW, WINDOW_RANGE, LONGER = 7.0, (3.5, 8.0), 1.5
-# Mean logarithm of the likelihood ratio along a crease: what is asked for against one curved face, and against a rounding, which
-# is rarer and has a width to choose. Means over 4 h, repeated eight times, reach about 10 h either way.
-EVIDENCE, ROUNDING = 2.5, -0.3
+# Mean logarithm of the likelihood ratio along a crease: what is asked for against one curved face, through wide windows and through
+# the narrowest, along which more of them are averaged; and against a rounding, which is rarer and has a width to choose. Means
+# over 4 h, repeated eight times, reach about 10 h either way.
+EVIDENCE, NARROW_EVIDENCE, ROUNDING = 2.5, 2.0, -0.3
 MEAN_REACH, MEANS = 4.0, 8
 # The best of the bumps that noise makes look like short shallow creases. Pieces 10 h apart share no points, so that evidence adds up
 # along a chain of pieces, which follow each other closer than 1.5 h, and of its sum more is asked for.
-APART, FOLLOWS, SUM = 10.0, 1.5, 10.0
+APART, FOLLOWS, SUM, NARROW_SUM = 10.0, 1.5, 10.0, 6.0
+# Where residuals come from the shape of faces and not from noise, they do not average out: a sharp bend must be so much likelier
+# there than a rounding, unless it turns by so many degrees that a rounding of that turn would be narrower than the spacing shows.
+CLEARLY, BLUNT, ACUTE = 2.0, 30.0, 75.0
 # A second look with the narrowest window is worth its time where the first is wider than this times it; how near to a piece of
 # rounding, in h, what looks sharp in it does not count.
 FINER, VETO, SAME = 1.15, 1.5, 2.0
@@ -71,11 +75,11 @@ def crease(cells: Cells, lengths: Lengths, params: EdgeParams, progress: Progres
     wide = _look(cells, lengths, params, _window(lengths), progress)
     seen, candidates = wide.creases, wide.candidates
     border = find_borders(cells, candidates.normal, np.full(len(cells.points), lengths.h), lengths.h, lengths.noise).outline
-    pieces = _sharp(seen, lengths)
+    pieces = _sharp(wide, lengths)
     window = {"window": wide.window}
     if params.radius is None and wide.window > FINER * WINDOW_RANGE[0] * lengths.h:
         fine = _look(cells, lengths, replace(params, radius=RADIUS_RANGE[0], absolute=False), WINDOW_RANGE[0] * lengths.h, progress)
-        more = _apart_from(_sharp(fine.creases, lengths), pieces, SAME * lengths.h, lengths)
+        more = _apart_from(_sharp(fine, lengths), pieces, SAME * lengths.h, lengths)
         pieces = _joined(pieces, _without_rounded(more, seen, lengths), lengths)
         window["fine_window"] = fine.window
     reach = REACH * lengths.h if params.reach is None else params.reach * (1.0 if params.absolute else lengths.h)
@@ -178,12 +182,17 @@ def _weigh(meetings: Meetings, bends: Bends, lengths: Lengths) -> Creases:
     return Creases(Pieces(feet, direction, values[:, -1]), values[:, 0], values[:, 1:-1].max(axis=1))
 
 
-def _sharp(creases: Creases, lengths: Lengths) -> Pieces:
+def _sharp(look: Look, lengths: Lengths) -> Pieces:
     """Keep the pieces that are sharp, with evidence enough for the length of their chain."""
-    pieces, sharp = creases.pieces, creases.sharp
-    good = np.flatnonzero((sharp > EVIDENCE) & (sharp - creases.rounded > ROUNDING))
+    pieces, sharp, rounded = look.creases
+    narrow = look.window <= WINDOW_RANGE[0] * lengths.h
+    evidence, total = (NARROW_EVIDENCE, NARROW_SUM) if narrow else (EVIDENCE, SUM)
+    shape = (FLOOR * lengths.h) ** 2
+    shape /= shape + lengths.noise**2
+    blunt = np.clip((ACUTE - np.degrees(pieces.turn)) / (ACUTE - BLUNT), 0.0, 1.0)
+    good = np.flatnonzero((sharp > evidence) & (sharp - rounded > ROUNDING + CLEARLY * shape**2 * blunt))
     extent = chain_extent(pieces.feet.points[good], FOLLOWS * lengths.h) / lengths.h
-    return _chosen(pieces, good[sharp[good] * (1.0 + extent / APART) > SUM], lengths)
+    return _chosen(pieces, good[sharp[good] * (1.0 + extent / APART) > total], lengths)
 
 
 def _without_rounded(pieces: Pieces, seen: Creases, lengths: Lengths) -> Pieces:

@@ -16,7 +16,7 @@ from scan2nurbs.kernels.runner import kernel, run_ranges
 from scan2nurbs.kernels.sides import Meetings
 
 PLACES_PER_RANGE = 256
-LEAST_POINTS = 14
+LEAST_POINTS = 10
 # The window is grown from the crease outwards in steps of a spacing, and always this far.
 BINS, SURE = 16, 2
 # Noise in the position of points along the surface rounds a sharp crease: the mean of |s + σε| near 0 is that of a half-width of 1.6 σ.
