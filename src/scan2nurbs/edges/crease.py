@@ -29,17 +29,18 @@ SIDES, TELLING = 3.0, 2.5
 WIDTHS = (0.0, 1.2, 2.0, 3.0, 4.5)
 # The half-width of the window across a crease, in h: this times the root of the noise in h, within the bounds; it is half as long again.
 WINDOW, WINDOW_RANGE, LONGER = 7.0, (3.5, 8.0), 1.5
-# Mean logarithm of the likelihood ratio along a crease: what is asked for against one curved face, through wide windows and through
-# the narrowest, along which more of them are averaged; and against a rounding, which is rarer and has a width to choose. Means
-# over 4 h, repeated eight times, reach about 10 h either way.
-EVIDENCE, NARROW_EVIDENCE, ROUNDING = 2.5, 2.0, -0.3
+# Mean logarithm of the likelihood ratio along a crease: what is asked for against one curved face, and against a rounding, which
+# is rarer and has a width to choose. Means over 4 h, repeated eight times, reach about 10 h either way.
+EVIDENCE, ROUNDING = 2.5, -0.3
 MEAN_REACH, MEANS = 4.0, 8
 # The best of the bumps that noise makes look like short shallow creases. Pieces 10 h apart share no points, so that evidence adds up
-# along a chain of pieces, which follow each other closer than 1.5 h, and of its sum more is asked for.
-APART, FOLLOWS, SUM, NARROW_SUM = 10.0, 1.5, 10.0, 6.0
+# along a chain of pieces, which follow each other closer than 1.5 h, and of its sum more is asked for; less of a second look through
+# narrower windows, as more of them lie along a chain.
+APART, FOLLOWS, SUM, FINE_SUM = 10.0, 1.5, 10.0, 4.0
 # Where residuals come from the shape of faces and not from noise, they do not average out: a sharp bend must be so much likelier
-# there than a rounding, unless it turns by so many degrees that a rounding of that turn would be narrower than the spacing shows.
-CLEARLY, BLUNT, ACUTE = 2.0, 30.0, 75.0
+# there than a rounding, unless it turns by so many degrees that a rounding of that turn would be narrower than the spacing shows,
+# or the bends leave so little of what they may leave that they are exact.
+CLEARLY, BLUNT, ACUTE, EXACT = 2.0, 30.0, 75.0, 0.25
 # A second look with the narrowest window is worth its time where the first is wider than this times it; how near to a piece of
 # rounding, in h, what looks sharp in it does not count.
 FINER, VETO, SAME = 1.15, 1.5, 2.0
@@ -75,11 +76,11 @@ def crease(cells: Cells, lengths: Lengths, params: EdgeParams, progress: Progres
     wide = _look(cells, lengths, params, _window(lengths), progress)
     seen, candidates = wide.creases, wide.candidates
     border = find_borders(cells, candidates.normal, np.full(len(cells.points), lengths.h), lengths.h, lengths.noise).outline
-    pieces = _sharp(wide, lengths)
+    pieces = _sharp(wide.creases, SUM, lengths)
     window = {"window": wide.window}
     if params.radius is None and wide.window > FINER * WINDOW_RANGE[0] * lengths.h:
         fine = _look(cells, lengths, replace(params, radius=RADIUS_RANGE[0], absolute=False), WINDOW_RANGE[0] * lengths.h, progress)
-        more = _apart_from(_sharp(fine, lengths), pieces, SAME * lengths.h, lengths)
+        more = _apart_from(_sharp(fine.creases, FINE_SUM, lengths), pieces, SAME * lengths.h, lengths)
         pieces = _joined(pieces, _without_rounded(more, seen, lengths), lengths)
         window["fine_window"] = fine.window
     reach = REACH * lengths.h if params.reach is None else params.reach * (1.0 if params.absolute else lengths.h)
@@ -108,11 +109,22 @@ class Pieces(NamedTuple):
 
 
 class Creases(NamedTuple):
-    """Pieces of creases with the mean logarithms of the likelihoods (K,) of a sharp bend, and of the best rounded one, over one curved face."""
+    """Pieces of creases, and of each what was averaged along it.
+
+    Attributes
+    ----------
+    pieces : Pieces
+        K of them.
+    sharp, rounded : (K,) float64
+        Mean logarithms of the likelihoods of a sharp bend, and of the best rounded one, over one curved face.
+    leftover : (K,) float64
+        Mean square of the best bend's residuals over what noise and the shape of faces may leave.
+    """
 
     pieces: Pieces
     sharp: NDArray[np.float64]
     rounded: NDArray[np.float64]
+    leftover: NDArray[np.float64]
 
 
 class Look(NamedTuple):
@@ -167,32 +179,36 @@ def _weigh(meetings: Meetings, bends: Bends, lengths: Lengths) -> Creases:
     """Average the likelihoods along the creases."""
     kept = np.flatnonzero(np.isfinite(bends.turn) & np.isfinite(bends.misfit).all(axis=1))
     if len(kept) == 0:
-        return Creases(_pieces(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), lengths), np.zeros(0), np.zeros(0))
+        return Creases(_pieces(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), lengths), np.zeros(0), np.zeros(0), np.zeros(0))
     feet = build_cells(bends.foot[kept], MEAN_REACH * lengths.h)
     kept = kept[feet.order]
     misfit = bends.misfit[kept]
     # Where even the best bend fits worse than the noise allows, all count for less.
-    excess = np.maximum(misfit.min(axis=1) / np.maximum(bends.n_points[kept] - 7, 1), 1.0)
-    likelihood = -0.5 * (misfit - misfit[:, -1:]) / excess[:, None]
-    values = np.ascontiguousarray(np.c_[likelihood[:, :-1], bends.turn[kept]])
+    leftover = misfit.min(axis=1) / np.maximum(bends.n_points[kept] - 7, 1)
+    likelihood = -0.5 * (misfit - misfit[:, -1:]) / np.maximum(leftover, 1.0)[:, None]
+    values = np.ascontiguousarray(np.c_[likelihood[:, :-1], bends.turn[kept], leftover])
     direction, across = meetings.direction[kept], meetings.across[kept]
     up = np.cross(direction, across)
     for _ in range(MEANS):
         values = mean_along(feet, direction, up, values, MEAN_REACH * lengths.h, lengths.h)
-    return Creases(Pieces(feet, direction, values[:, -1]), values[:, 0], values[:, 1:-1].max(axis=1))
+    return Creases(Pieces(feet, direction, values[:, -2]), values[:, 0], values[:, 1:-2].max(axis=1), values[:, -1])
 
 
-def _sharp(look: Look, lengths: Lengths) -> Pieces:
+def _sharp(creases: Creases, total: float, lengths: Lengths) -> Pieces:
     """Keep the pieces that are sharp, with evidence enough for the length of their chain."""
-    pieces, sharp, rounded = look.creases
-    narrow = look.window <= WINDOW_RANGE[0] * lengths.h
-    evidence, total = (NARROW_EVIDENCE, NARROW_SUM) if narrow else (EVIDENCE, SUM)
-    shape = (FLOOR * lengths.h) ** 2
-    shape /= shape + lengths.noise**2
-    blunt = np.clip((ACUTE - np.degrees(pieces.turn)) / (ACUTE - BLUNT), 0.0, 1.0)
-    good = np.flatnonzero((sharp > evidence) & (sharp - rounded > ROUNDING + CLEARLY * shape**2 * blunt))
+    pieces, sharp = creases.pieces, creases.sharp
+    good = np.flatnonzero((sharp > EVIDENCE) & (sharp - creases.rounded > ROUNDING + _allowance(creases, lengths)))
     extent = chain_extent(pieces.feet.points[good], FOLLOWS * lengths.h) / lengths.h
     return _chosen(pieces, good[sharp[good] * (1.0 + extent / APART) > total], lengths)
+
+
+def _allowance(creases: Creases, lengths: Lengths) -> NDArray[np.float64]:
+    """Return by how much the shape of smooth faces may speak for a sharp bend and against a rounding."""
+    shape = (FLOOR * lengths.h) ** 2
+    shape /= shape + lengths.noise**2
+    inexact = np.clip(creases.leftover / EXACT, 0.0, 1.0)
+    blunt = np.clip((ACUTE - np.degrees(creases.pieces.turn)) / (ACUTE - BLUNT), 0.0, 1.0)
+    return CLEARLY * shape**2 * inexact * blunt
 
 
 def _without_rounded(pieces: Pieces, seen: Creases, lengths: Lengths) -> Pieces:
