@@ -182,7 +182,9 @@ def _supported(x, n, slope, cosine, noise, spacing, bins, far):
         e = cosine * abs(x[2, j] - slope * abs(x[1, j]))
         if e < cap and abs(x[1, j]) < far[side] * cosine * spacing and abs(x[0, j]) < far[end] * spacing:
             x[0, kept], x[1, kept], x[2, kept] = x[0, j], x[1, j], x[2, j]
-            x[3, kept] = _trust(e / (np.sqrt(noise * noise + (0.3 * spacing) ** 2) + 0.5 * FACE_CURVATURE * x[1, j] ** 2 / (SURELY * spacing)))
+            x[3, kept] = _trust(
+                e / (np.sqrt(noise * noise + (0.3 * spacing) ** 2) + 0.5 * FACE_CURVATURE * x[1, j] ** 2 / (SURELY * spacing))
+            )
             kept += 1
     return kept
 
