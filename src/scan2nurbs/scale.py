@@ -141,7 +141,7 @@ def _unhidden(shown: float, k: int) -> float:
     return float(np.interp(shown, shows, PLANE_NOISE)) if shown < shows[-1] else shown * float(PLANE_NOISE[-1] / shows[-1])
 
 
-def _quadric_noise(cells: Cells, k: int, quantile: float = 0.2) -> float:
+def _quadric_noise(cells: Cells, k: int, quantile: float = 0.15) -> float:
     n = len(cells.points)
     chosen = np.linspace(0, n - 1, min(n, _SAMPLE)).astype(np.int64)
     index, distance = nearest_to(cells, cells.points[chosen], k)

@@ -34,7 +34,7 @@ FINER, SAME = 1.15, 2.0
 # The evidence that is asked for along a chain of pieces: less through narrow windows, as more of them lie along it.
 WIDE_SUM, NARROW_SUM = 10.0, 4.0
 # How far from the crease points are marked, in h.
-REACH = 0.5
+REACH = 0.6
 
 
 def crease(cells: Cells, lengths: Lengths, params: EdgeParams, progress: Progress | None = None) -> Strength:
@@ -88,7 +88,7 @@ class Look(NamedTuple):
 
 
 def _creases(cells: Cells, lengths: Lengths, params: EdgeParams, where: Spacing, progress: Progress | None) -> tuple[Pieces, list[Look]]:
-    """Find the sharp pieces of creases where points lie so far apart: through wide windows, and narrow ones where noise asked for wide ones."""
+    """Find the sharp pieces of creases, through wide windows first, and through narrow ones where noise asked for wide ones."""
     h, narrowest = lengths.h, WINDOW_RANGE[0] * lengths.h
     window = float(np.clip(WINDOW * math.sqrt(lengths.noise / h), *WINDOW_RANGE)) * h
     wide = _look(cells, lengths, params, window, where, progress)

@@ -43,7 +43,8 @@ def choose(pieces: Pieces, which: NDArray[np.int64], h: float) -> Pieces:
 
 def join(a: Pieces, b: Pieces, h: float) -> Pieces:
     """Put pieces together."""
-    return make_pieces(*(np.concatenate(both) for both in zip((a.middles, *a[1:]), (b.middles, *b[1:]), strict=True)), h)
+    middles, direction = np.concatenate((a.middles, b.middles)), np.concatenate((a.direction, b.direction))
+    return make_pieces(middles, direction, np.concatenate((a.turn, b.turn)), h)
 
 
 def apart_from(pieces: Pieces, others: Pieces, reach: float, h: float) -> Pieces:
