@@ -54,28 +54,37 @@ def crease(cells: Cells, lengths: Lengths, params: EdgeParams, progress: Progres
     points, at about 100 µs each.
     """
     strength = np.zeros(len(cells.points))
-    found: list[Look] = []
-    n_pieces = 0
+    candidates: Strength | None = None
+    windows: list[float] = []
+    n_places = n_pieces = 0
     for spacing in spacings_of(cells, lengths.h):
         local = replace(lengths, h=spacing.h)
         pieces, looks = _creases(cells, local, params, spacing, progress)
-        reach = REACH * local.h if params.reach is None else params.reach * (1.0 if params.absolute else local.h)
-        nearest = pieces_under(cells, aligned(pieces, local.h), reach, local.h)
+        nearest = pieces_under(cells, aligned(pieces, local.h), _reach(params, local.h), local.h)
         on = np.flatnonzero(nearest >= 0)
         strength[on] = np.maximum(strength[on], np.minimum(np.degrees(pieces.turn[nearest[on]]), 90.0))
-        found += looks
+        candidates = candidates or looks[0].candidates
+        windows += [look.window for look in looks]
+        n_places += sum(look.n_places for look in looks)
         n_pieces += len(pieces.turn)
-    candidates = found[0].candidates
+    assert candidates is not None  # a cloud has its own spacing, at least
     border = find_borders(cells, candidates.normal, np.full(len(cells.points), lengths.h), lengths.h, lengths.noise).outline
     strength[border] = 90.0
     strength[np.isnan(candidates.strength)] = np.nan
+    named = {f"window_{k + 1}" if k else "window": window for k, window in enumerate(windows)}
     return Strength(
         strength=strength,
         normal=candidates.normal,
-        radii=candidates.radii | {f"window_{k}" if k else "window": look.window for k, look in enumerate(found)},
-        counts=candidates.counts
-        | {"crease_candidates": sum(look.n_places for look in found), "crease_pieces": n_pieces, "border_points": int(border.sum())},
+        radii=candidates.radii | named | {"reach": _reach(params, lengths.h)},
+        counts=candidates.counts | {"crease_candidates": n_places, "crease_pieces": n_pieces, "border_points": int(border.sum())},
     )
+
+
+def _reach(params: EdgeParams, h: float) -> float:
+    """Return how far from a crease points are marked, in the cloud's unit."""
+    if params.reach is None:
+        return REACH * h
+    return params.reach * (1.0 if params.absolute else h)
 
 
 class Look(NamedTuple):
