@@ -19,7 +19,7 @@ OPEN = 0.88
 GAP, LENGTH = 3.0, 8.0
 # A hole narrower than this, in spacings, is a gap in the data and no border of the part. Where no border reaches over half the
 # scan the part is closed, and so is one narrower than this part of the scan.
-HOLE, SHEET, GAP_SHARE = 24.0, 0.5, 0.25
+HOLE, SHEET, GAP_SHARE = 24.0, 0.5, 0.2
 
 
 @dataclass(frozen=True)
