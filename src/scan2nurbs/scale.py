@@ -18,7 +18,16 @@ from scan2nurbs.kernels.runner import Progress
 
 NEIGHBOUR = 12
 # Nearest points that a quadric is fitted to, and up to which noise, in h, their answer is believed.
-NEIGHBOURHOODS = ((16, 0.5), (40, 0.7), (100, np.inf))
+NEIGHBOURHOODS = ((16, 0.85), (40, 1.15), (100, np.inf))
+# Of strong noise the nearest points show less than there is: those that it moved away are not among them. What the residuals say,
+# in h, of a plane with so much noise; measured, and the same whether its points lie on a grid or at random. Of less than 0.3 h
+# they hide one or two per cent, which edges and curved faces make up for.
+PLANE_NOISE = np.array([0.0, 0.3, 0.4, 0.6, 0.8, 1.0, 1.2, 1.4])
+PLANE_SHOWS = {
+    16: np.array([0.0, 0.300, 0.386, 0.547, 0.643, 0.700, 0.725, 0.744]),
+    40: np.array([0.0, 0.300, 0.394, 0.578, 0.730, 0.852, 0.929, 0.984]),
+    100: np.array([0.0, 0.300, 0.396, 0.590, 0.769, 0.941, 1.076, 1.176]),
+}
 _SAMPLE = 4000
 _H_SAMPLE = 20_000
 _GUESS_SAMPLE = 4000
@@ -113,17 +122,24 @@ def estimate_noise(cells: Cells, h: float) -> float:
     A quadric is fitted to the nearest points of each of a few thousand points. Where an edge or a feature finer than that
     lies among them the residual is no noise, so it is not the median residual that counts but a low quantile, divided by
     what that quantile of a chi-square variable with as many degrees of freedom would be. Parts whose features are a few spacings
-    wide have few smooth places even so: the nearest 16 points are asked first. Strong noise thickens these into a ball; where the
-    answer says so, the neighbourhood grows.
+    wide have few smooth places even so: the nearest 16 points are asked first. Strong noise thickens these into a ball, which shows
+    only part of it; the rest is added as on a noisy plane. Where the ball is so thick that little can be told, the neighbourhood grows;
+    and the least answer counts, since on fine features a larger one has larger residuals, which are no noise.
     """
-    noise = 0.0
+    answers = []
     for k, believed in NEIGHBOURHOODS:
         if len(cells.points) < k:
             break
-        noise = _quadric_noise(cells, k)
-        if noise < believed * h:
+        answers.append(_unhidden(_quadric_noise(cells, k) / h, k) * h)
+        if answers[-1] < believed * h:
             break
-    return noise
+    return min(answers, default=0.0)
+
+
+def _unhidden(shown: float, k: int) -> float:
+    """Return the noise, in h, of a plane that shows so much among the k nearest points."""
+    shows = PLANE_SHOWS[k]
+    return float(np.interp(shown, shows, PLANE_NOISE)) if shown < shows[-1] else shown * float(PLANE_NOISE[-1] / shows[-1])
 
 
 def _quadric_noise(cells: Cells, k: int, quantile: float = 0.2) -> float:

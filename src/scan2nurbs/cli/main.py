@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from importlib import import_module, metadata
+from importlib import import_module
 from inspect import getdoc
 from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
 
+from scan2nurbs import __version__
 from scan2nurbs.cli.failures import Interrupted, exit_code, interruptible, sentence
 
 COMMANDS = {
@@ -51,7 +52,7 @@ def load(name: str) -> Any:
 
 def _show_version(wanted: bool) -> None:
     if wanted:
-        typer.echo(f"scan2nurbs {metadata.version('scan2nurbs')}")
+        typer.echo(f"scan2nurbs {__version__}")
         raise typer.Exit
 
 

@@ -17,8 +17,9 @@ REACH, NOISE_REACH = 4.0, 2.0
 OPEN = 0.88
 # Borders are long: groups joined over GAP spacings that are shorter than LENGTH are chance.
 GAP, LENGTH = 3.0, 8.0
-# A hole narrower than this, in spacings, is a gap in the data and no border of the part.
-HOLE = 24.0
+# A hole narrower than this, in spacings, is a gap in the data and no border of the part. Where no border reaches over half the
+# scan the part is closed, and so is one narrower than this part of the scan.
+HOLE, SHEET, GAP_SHARE = 24.0, 0.5, 0.2
 
 
 @dataclass(frozen=True)
@@ -72,8 +73,10 @@ def find_borders(cells: Cells, normals: NDArray[np.float64], spacing: NDArray[np
         first[index.order] = join_groups(index, GAP * h)
         _, group = np.unique(first, return_inverse=True)
         extent = _extent(points, group)
+        whole = _extent(cells.points, np.zeros(len(cells.points), np.int64))[0]
+        hole = HOLE * h if extent.max() > SHEET * whole else max(HOLE * h, GAP_SHARE * whole)
         mask[candidate] = extent[group] >= LENGTH * h
-        outline[candidate] = extent[group] >= HOLE * h
+        outline[candidate] = extent[group] >= hole
     return Borders(mask, outline, found)
 
 

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scan2nurbs.edges.border import find_borders
-from scan2nurbs.edges.chains import chain_extent
-from scan2nurbs.edges.operators import Lengths, Strength, compare_planes, one_sided_planes_of
+from scan2nurbs.edges.evidence import Creases, sharp_pieces, weigh, without_rounded
+from scan2nurbs.edges.operators import RADIUS_RANGE, Lengths, Strength, compare_planes, one_sided_planes_of
 from scan2nurbs.edges.params import EdgeParams
-from scan2nurbs.kernels.alongside import mean_along, nearest_piece
+from scan2nurbs.edges.pieces import Pieces, aligned, apart_from, join, pieces_under
+from scan2nurbs.edges.spacings import Spacing, at_spacing, spacings_of
 from scan2nurbs.kernels.bend_widths import Bends, fit_bends
-from scan2nurbs.kernels.cells import Cells, build_cells
-from scan2nurbs.kernels.creases import fit_wedges
+from scan2nurbs.kernels.cells import Cells
 from scan2nurbs.kernels.runner import Progress
 from scan2nurbs.kernels.sides import Meetings, meeting_sides
 
@@ -27,25 +28,13 @@ SIDES, TELLING = 3.0, 2.5
 WIDTHS = (0.0, 1.2, 2.0, 3.0, 4.5)
 # The half-width of the window across a crease, in h: this times the root of the noise in h, within the bounds; it is half as long again.
 WINDOW, WINDOW_RANGE, LONGER = 7.0, (3.5, 8.0), 1.5
-# Mean logarithm of the likelihood ratio along a crease: what is asked for against one curved face, and against a rounding, which
-# is rarer and has a width to choose. Means over 4 h, repeated eight times, reach about 10 h either way.
-EVIDENCE, ROUNDING = 2.5, -0.3
-MEAN_REACH, MEANS = 4.0, 8
-# The best of the bumps that noise makes look like short shallow creases. Pieces 10 h apart share no points, so that evidence adds up
-# along a chain of pieces, which follow each other closer than 1.5 h, and of its sum more is asked for.
-APART, FOLLOWS, SUM = 10.0, 1.5, 10.0
-# How far from the crease points are marked, in h, and half the length of a piece of it.
-REACH, HALF_PIECE = 0.85, 1.0
-# The comparison that tells where the surface breaks: a wedge is the best of 57 splits (4 = log 57), and its extra parameters must
-# pay too (4: two of them, at half the logarithm of some fifty points each).
-WEDGE_EVIDENCE = 8.0
-WEDGE_FLOOR = 0.03
-# The angle by which noise may tilt a fitted half-plane, in degrees, and the radii of the fits, in h.
-TILT = 2.0
-RADII = (4.0, 8.0)
-WIDER = 2.0
-# How far from an edge, in h, the bands of one-sided normals reach.
-BAND = 3.0
+# A second look with the narrowest window is worth its time where the first is wider than this times it; within so many h the first
+# look has found the crease itself.
+FINER, SAME = 1.15, 2.0
+# The evidence that is asked for along a chain of pieces: less through narrow windows, as more of them lie along it.
+WIDE_SUM, NARROW_SUM = 10.0, 4.0
+# How far from the crease points are marked, in h.
+REACH = 0.6
 
 
 def crease(cells: Cells, lengths: Lengths, params: EdgeParams, progress: Progress | None = None) -> Strength:
@@ -55,43 +44,79 @@ def crease(cells: Cells, lengths: Lengths, params: EdgeParams, progress: Progres
     of several widths are fitted to the points about that line, as far as two faces explain them: sharp ones, rounded ones and one
     curved face. The logarithms of their likelihoods are averaged along the crease. Where the sharp bend is likely enough, the
     points within `reach` of it are on the edge. So are, with 90 degrees, the points where the surface ends (see `find_borders`).
+    Where points lie farther apart than elsewhere, all lengths are longer (see `spacings`).
 
     Notes
     -----
     Normals that differ say that a surface bends; only the width says whether it bends or breaks. A window of a few spacings holds too
     few points to tell in noise, and a wider one other edges; but a crease is long, and what a rounding looks like is the same all
-    along it. Candidates are a few per cent of the points, at about 100 µs each.
+    along it. So wide windows are looked through first, and narrow ones for what is too fine for these. Candidates are a few per cent of the
+    points, at about 100 µs each.
     """
-    planes = one_sided_planes_of(cells, lengths, params, progress)
-    candidates = compare_planes(cells, planes, lengths, progress)
+    strength = np.zeros(len(cells.points))
+    candidates: Strength | None = None
+    windows: list[float] = []
+    n_places = n_pieces = 0
+    for spacing in spacings_of(cells, lengths.h):
+        local = replace(lengths, h=spacing.h)
+        pieces, looks = _creases(cells, local, params, spacing, progress)
+        nearest = pieces_under(cells, aligned(pieces, local.h), _reach(params, local.h), local.h)
+        on = np.flatnonzero(nearest >= 0)
+        strength[on] = np.maximum(strength[on], np.minimum(np.degrees(pieces.turn[nearest[on]]), 90.0))
+        candidates = candidates or looks[0].candidates
+        windows += [look.window for look in looks]
+        n_places += sum(look.n_places for look in looks)
+        n_pieces += len(pieces.turn)
+    assert candidates is not None  # a cloud has its own spacing, at least
     border = find_borders(cells, candidates.normal, np.full(len(cells.points), lengths.h), lengths.h, lengths.noise).outline
-    places = np.flatnonzero(candidates.strength > CANDIDATE)
-    meetings = meeting_sides(cells, planes.normals.balls, planes.chosen, places, SIDES * lengths.h)
-    window = float(np.clip(WINDOW * math.sqrt(lengths.noise / lengths.h), *WINDOW_RANGE)) * lengths.h
-    meetings, bends = _bends(cells, places, meetings, window, lengths)
-    pieces = _sharp_pieces(meetings, bends, lengths)
-    reach = REACH * lengths.h if params.reach is None else params.reach * (1.0 if params.absolute else lengths.h)
-    strength = np.where(np.isnan(candidates.strength), np.nan, 0.0)
     strength[border] = 90.0
-    if len(pieces.turn) > 0:
-        nearest = nearest_piece(cells, pieces.feet, pieces.direction, HALF_PIECE * lengths.h, reach)
-        found = (nearest >= 0) & ~np.isnan(strength) & ~border
-        strength[found] = np.minimum(np.degrees(pieces.turn[nearest[found]]), 90.0)
+    strength[np.isnan(candidates.strength)] = np.nan
+    named = {f"window_{k + 1}" if k else "window": window for k, window in enumerate(windows)}
     return Strength(
         strength=strength,
         normal=candidates.normal,
-        radii=candidates.radii | {"window": window, "reach": reach},
-        counts=candidates.counts
-        | {"crease_candidates": len(places), "crease_pieces": len(pieces.turn), "border_points": int(border.sum())},
+        radii=candidates.radii | named | {"reach": _reach(params, lengths.h)},
+        counts=candidates.counts | {"crease_candidates": n_places, "crease_pieces": n_pieces, "border_points": int(border.sum())},
     )
 
 
-class Pieces(NamedTuple):
-    """Short pieces of sharp creases, sorted into cells by their middles, with direction (K, 3) and turn (K,) in radians."""
+def _reach(params: EdgeParams, h: float) -> float:
+    """Return how far from a crease points are marked, in the cloud's unit."""
+    if params.reach is None:
+        return REACH * h
+    return params.reach * (1.0 if params.absolute else h)
 
-    feet: Cells
-    direction: NDArray[np.float64]
-    turn: NDArray[np.float64]
+
+class Look(NamedTuple):
+    """What was seen through windows of one width."""
+
+    window: float
+    candidates: Strength
+    n_places: int
+    creases: Creases
+
+
+def _creases(cells: Cells, lengths: Lengths, params: EdgeParams, where: Spacing, progress: Progress | None) -> tuple[Pieces, list[Look]]:
+    """Find the sharp pieces of creases, through wide windows first, and through narrow ones where noise asked for wide ones."""
+    h, narrowest = lengths.h, WINDOW_RANGE[0] * lengths.h
+    window = float(np.clip(WINDOW * math.sqrt(lengths.noise / h), *WINDOW_RANGE)) * h
+    wide = _look(cells, lengths, params, window, where, progress)
+    pieces = sharp_pieces(wide.creases, WIDE_SUM, lengths)
+    if params.radius is not None or window <= FINER * narrowest:
+        return pieces, [wide]
+    fine = _look(cells, lengths, replace(params, radius=RADIUS_RANGE[0], absolute=False), narrowest, where, progress)
+    more = apart_from(sharp_pieces(fine.creases, NARROW_SUM, lengths), pieces, SAME * h, h)
+    return join(pieces, without_rounded(more, wide.creases, h), h), [wide, fine]
+
+
+def _look(cells: Cells, lengths: Lengths, params: EdgeParams, window: float, where: Spacing, progress: Progress | None) -> Look:
+    """Fit bends in windows of one width wherever one-sided normals differ."""
+    planes = one_sided_planes_of(cells, lengths, params, progress)
+    candidates = compare_planes(cells, planes, lengths, progress)
+    places = at_spacing(cells, np.flatnonzero(candidates.strength > CANDIDATE), where)
+    meetings = meeting_sides(cells, planes.normals.balls, planes.chosen, places, SIDES * lengths.h)
+    meetings, bends = _bends(cells, places, meetings, window, lengths)
+    return Look(window, candidates, len(places), weigh(meetings, bends, lengths.h))
 
 
 def _bends(cells: Cells, places: NDArray[np.int64], meetings: Meetings, window: float, lengths: Lengths) -> tuple[Meetings, Bends]:
@@ -117,80 +142,3 @@ def _bends(cells: Cells, places: NDArray[np.int64], meetings: Meetings, window: 
     bends = fit(meetings)
     bends.turn[farther(bends.foot, TELLING)] = np.nan
     return meetings, bends
-
-
-def _sharp_pieces(meetings: Meetings, bends: Bends, lengths: Lengths) -> Pieces:
-    """Average the likelihoods along the creases and keep the pieces that are sharp."""
-    kept = np.flatnonzero(np.isfinite(bends.turn) & np.isfinite(bends.misfit).all(axis=1))
-    if len(kept) == 0:
-        return Pieces(build_cells(np.zeros((1, 3)), 1.0), np.zeros((0, 3)), np.zeros(0))
-    feet = build_cells(bends.foot[kept], MEAN_REACH * lengths.h)
-    kept = kept[feet.order]
-    misfit = bends.misfit[kept]
-    # Where even the best bend fits worse than the noise allows, all count for less.
-    excess = np.maximum(misfit.min(axis=1) / np.maximum(bends.n_points[kept] - 7, 1), 1.0)
-    likelihood = -0.5 * (misfit - misfit[:, -1:]) / excess[:, None]
-    values = np.ascontiguousarray(np.c_[likelihood[:, :-1], bends.turn[kept]])
-    direction, across = meetings.direction[kept], meetings.across[kept]
-    up = np.cross(direction, across)
-    for _ in range(MEANS):
-        values = mean_along(feet, direction, up, values, MEAN_REACH * lengths.h, lengths.h)
-    sharp, rounded, turn = values[:, 0], values[:, 1:-1].max(axis=1), values[:, -1]
-    good = np.flatnonzero((sharp > EVIDENCE) & (sharp - rounded > ROUNDING))
-    extent = chain_extent(feet.points[good], FOLLOWS * lengths.h) / lengths.h
-    good = good[sharp[good] * (1.0 + extent / APART) > SUM]
-    if len(good) == 0:
-        return Pieces(feet, np.zeros((0, 3)), np.zeros(0))
-    pieces = build_cells(feet.points[good], 2.0 * lengths.h)
-    good = good[pieces.order]
-    return Pieces(pieces, np.ascontiguousarray(direction[good]), turn[good])
-
-
-def breaks(cells: Cells, places: NDArray[np.float64], lengths: Lengths) -> NDArray[np.bool_]:
-    """Tell near which places the surface breaks: a band's width away, two half-planes explain it better than one curved face.
-
-    Parameters
-    ----------
-    cells : Cells
-        The sorted points.
-    places : (M, 3) float64
-        Points of bands along edges.
-    lengths : Lengths
-        Spacing and noise.
-    """
-    radius, reach = fit_radius(lengths.noise / lengths.h) * lengths.h, BAND * lengths.h
-    near = _compare(cells, places, radius, lengths, reach)
-    found = (near.evidence > WEDGE_EVIDENCE) & (near.turn > 0.0)
-    open_ = np.flatnonzero((near.evidence > 0.0) & ~found)
-    far = _compare(cells, places[open_], WIDER * radius, lengths, reach)
-    found[open_] = (far.evidence > WEDGE_EVIDENCE) & (far.turn > 0.0)
-    return found
-
-
-class _Comparison(NamedTuple):
-    """Two half-planes against one quadric: the log likelihood ratio, and the turn in degrees of a crease within reach, else 0."""
-
-    evidence: NDArray[np.float64]
-    turn: NDArray[np.float64]
-
-
-def _compare(cells: Cells, places: NDArray[np.float64], radius: float, lengths: Lengths, reach: float) -> _Comparison:
-    places = np.ascontiguousarray(places)
-    wedges = fit_wedges(cells, places, radius, lengths.noise, rounds=2)
-    floor = max(WEDGE_FLOOR * lengths.h, 0.2 * lengths.noise) ** 2
-    half = np.maximum(wedges.n_points, 1)
-    with np.errstate(invalid="ignore"):
-        # Weights that fall to the rim leave three quarters of the points' evidence; log(a²/b²) is twice log(a/b).
-        evidence = 0.75 * half * np.log((wedges.quadric_rms**2 + floor) / (wedges.wedge_rms**2 + floor))
-        tilt = 3.0 * lengths.noise / (0.5 * radius * np.sqrt(half))
-        good = (wedges.angle > tilt) & (np.linalg.norm(wedges.foot - places, axis=1) <= reach)
-        return _Comparison(np.nan_to_num(evidence, nan=-np.inf), np.where(good, np.degrees(wedges.angle), 0.0))
-
-
-def fit_radius(noise: float) -> float:
-    """Return the radius of the fits, in h, for a noise in h.
-
-    A plane through a half-disc of radius r errs by an angle of about 1.13 (σ/h) / (r/h)². The smallest radius that keeps this
-    below two degrees sees most: within a larger one a fillet looks sharper, and neighbouring edges blur.
-    """
-    return float(np.clip(np.sqrt(1.13 * noise / np.radians(TILT)), *RADII))

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from scan2nurbs.edges.crease import fit_radius
+from scan2nurbs.edges.breaks import fit_radius
 from scan2nurbs.kernels.creases import Wedges, fit_wedges
 from scan2nurbs.scale import Scale
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from scan2nurbs.edges.border import find_borders
-from scan2nurbs.edges.crease import fit_radius
+from scan2nurbs.edges.breaks import fit_radius
 from scan2nurbs.edges.detect import Edges
 from scan2nurbs.edges.orient import Creases, Orientation, orient_normals
 from scan2nurbs.kernels.cells import Cells

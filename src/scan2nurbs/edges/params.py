@@ -33,7 +33,7 @@ class EdgeParams:
     radius : float, optional
         Radius of the one-sided normals, (0, inf); None chooses it from the noise.
     reach : float, optional
-        "crease" marks the points up to this far from the crease, in h, (0, inf); None: 0.85.
+        "crease" marks the points up to this far from the crease, in h, (0, inf); None: 0.6, and the nearest point to each place on it.
     small_radius, large_radius : float
         r_s and r_l of the paper's operators, (0, inf), r_s < r_l. VDN by itself uses r_l.
     absolute : bool
@@ -62,7 +62,7 @@ class EdgeParams:
         "auto: crease where edges are wanted, one-sided where they bound a surface",
     )
     radius: float | None = _about(None, "radius of the one-sided normals; from the noise unless given", "h", 0.0, math.inf)
-    reach: float | None = _about(None, "how far from a crease points are marked; 0.85 unless given", "h", 0.0, math.inf)
+    reach: float | None = _about(None, "how far from a crease points are marked; 0.6 unless given", "h", 0.0, math.inf)
     small_radius: float = _about(1.5, "r_s of dn and edn", "d̄", 0.0, math.inf)
     large_radius: float = _about(10.0, "r_l of dn, vdn and edn", "d̄", 0.0, math.inf)
     absolute: bool = _about(False, "radii are lengths in the cloud's unit")

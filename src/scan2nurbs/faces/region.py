@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from scan2nurbs.edges.crease import breaks
+from scan2nurbs.edges.breaks import breaks
 from scan2nurbs.edges.detect import Edges
 from scan2nurbs.edges.operators import Lengths
 from scan2nurbs.errors import NoResultError, ParameterError

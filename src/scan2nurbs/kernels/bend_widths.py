@@ -16,7 +16,7 @@ from scan2nurbs.kernels.runner import kernel, run_ranges
 from scan2nurbs.kernels.sides import Meetings
 
 PLACES_PER_RANGE = 256
-LEAST_POINTS = 14
+LEAST_POINTS = 10
 # The window is grown from the crease outwards in steps of a spacing, and always this far.
 BINS, SURE = 16, 2
 # Noise in the position of points along the surface rounds a sharp crease: the mean of |s + σε| near 0 is that of a half-width of 1.6 σ.
@@ -26,6 +26,8 @@ ROUNDED = 1.6
 FACE_CURVATURE, BEND_CURVATURE = 0.1, 0.2
 # The same of the crease: its offset in h, its direction as a slope, and its curvature in 1/h.
 OFFSET, SLOPE, CREASE_CURVATURE = 0.5, 0.2, 0.2
+# Standard deviations up to which a point surely belongs to the bend, and from which on it is another face's.
+SURELY, HARDLY = 2.5, 4.0
 # Residuals of less than this part of the spacing are no evidence: faces are no exact quadrics, and creases no parabolas.
 FLOOR = 0.14
 
@@ -97,7 +99,7 @@ def fit_bends(
 def _fit_bends(cells, places, meetings, lengths, widths, start, stop, out):
     runs = np.empty((64, 2), np.int64)
     indices = np.empty(1024, np.int64)
-    x = np.empty((3, 1024))
+    x = np.empty((4, 1024))
     low, high, up, path, row = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(11)
     bins, far, A = np.empty((4, BINS, 2)), np.empty(4), np.empty((11, 11))
     unit = lengths[0]
@@ -114,7 +116,7 @@ def _fit_bends(cells, places, meetings, lengths, widths, start, stop, out):
             low[k], high[k] = foot[k] - reach, foot[k] + reach
         runs, n_runs, room = runs_in_box(cells, low, high, runs)
         if room > len(indices):
-            indices, x = np.empty(2 * room, np.int64), np.empty((3, 2 * room))
+            indices, x = np.empty(2 * room, np.int64), np.empty((4, 2 * room))
         n = points_in_box(cells.points, runs, n_runs, low, high, indices)
         n, height = _in_frame(cells.points, indices, n, foot, t, s, up, unit, along, cosine, x)
         n = _supported(x, n, slope if height >= 0.0 else -slope, cosine, noise, spacing, bins, far)
@@ -126,6 +128,9 @@ def _fit_bends(cells, places, meetings, lengths, widths, start, stop, out):
         here = 0.0
         for k in range(3):
             here += (cells.points[places[i], k] - foot[k]) * t[k] / unit
+        out.n_points[i] = int(np.sum(x[3, :n]))
+        if out.n_points[i] < LEAST_POINTS:
+            continue
         out.turn[i] = _misfits(x, n, variance, noise, spacing, path, here, widths, A, row, out.misfit[i])
         side = path[0] + path[1] * here + path[2] * here * here
         for k in range(3):
@@ -177,8 +182,17 @@ def _supported(x, n, slope, cosine, noise, spacing, bins, far):
         e = cosine * abs(x[2, j] - slope * abs(x[1, j]))
         if e < cap and abs(x[1, j]) < far[side] * cosine * spacing and abs(x[0, j]) < far[end] * spacing:
             x[0, kept], x[1, kept], x[2, kept] = x[0, j], x[1, j], x[2, j]
+            x[3, kept] = _trust(
+                e / (np.sqrt(noise * noise + (0.3 * spacing) ** 2) + 0.5 * FACE_CURVATURE * x[1, j] ** 2 / (SURELY * spacing))
+            )
             kept += 1
     return kept
+
+
+@kernel
+def _trust(deviations):
+    """Return the weight of a point so many standard deviations from the model."""
+    return min(max((HARDLY - deviations) / (HARDLY - SURELY), 0.0), 1.0)
 
 
 @kernel
@@ -200,7 +214,7 @@ def _follow(x, n, variance, slope, noise, spacing, path, A, row):
             tilt = max(min(d / w, 1.0), -1.0)  # derivative of the hinge
             row[0], row[1], row[2], row[3], row[4], row[5] = 1.0, s, t, t * t, t * s, s * s
             row[6], row[7], row[8], row[9], row[10] = _hinge(d, w), tilt, tilt * t, tilt * t * t, x[2, j]
-            _accumulate(A, row, 11)
+            _accumulate(A, row, 11, x[3, j])
         A[5, 5] += variance / (0.5 * FACE_CURVATURE / spacing) ** 2
         A[7, 7] += variance / (slope * OFFSET * spacing) ** 2
         A[8, 8] += variance / (slope * SLOPE) ** 2
@@ -212,6 +226,17 @@ def _follow(x, n, variance, slope, noise, spacing, path, A, row):
         path[0] -= min(max(row[7] / row[6], -spacing), spacing)
         path[1] -= min(max(row[8] / row[6], -0.3), 0.3)
         path[2] -= min(max(row[9] / row[6], -0.3), 0.3)
+        _reweigh(x, n, variance, path, w, row)
+
+
+@kernel
+def _reweigh(x, n, variance, path, w, row):
+    """Weigh the points anew by their distance from the bend with these coefficients."""
+    for j in range(n):
+        t, s = x[0, j], x[1, j]
+        d = s - (path[0] + path[1] * t + path[2] * t * t)
+        z = row[0] + row[1] * s + row[2] * t + row[3] * t * t + row[4] * t * s + row[5] * s * s + row[6] * _hinge(d, w)
+        x[3, j] = _trust(abs(x[2, j] - z) / np.sqrt(variance))
 
 
 @kernel
@@ -227,7 +252,7 @@ def _misfits(x, n, variance, noise, spacing, path, here, widths, A, row, misfit)
             row[0], row[1], row[2], row[3], row[4], row[5] = 1.0, s, t, t * t, t * s, s * s
             row[6] = 0.0 if face else _hinge(s - (path[0] + path[1] * t + path[2] * t * t), w)
             row[7] = x[2, j]
-            _accumulate(A, row, 8)
+            _accumulate(A, row, 8, x[3, j])
         A[5, 5] += variance / (0.5 * (BEND_CURVATURE if face else FACE_CURVATURE) / spacing) ** 2
         _eliminate(A, 7)
         misfit[v] = A[7, 7] / variance
@@ -242,10 +267,10 @@ def _misfits(x, n, variance, noise, spacing, path, here, widths, A, row, misfit)
 
 
 @kernel
-def _accumulate(A, row, size):
+def _accumulate(A, row, size, weight):
     for p in range(size):
         for q in range(p, size):
-            A[p, q] += row[p] * row[q]
+            A[p, q] += weight * row[p] * row[q]
 
 
 @kernel

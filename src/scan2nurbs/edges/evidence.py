@@ -1,0 +1,91 @@
+"""How sure it is that a surface breaks along a crease, and is not rounded: likelihoods of bends, averaged along it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scan2nurbs.edges.chains import chain_extent
+from scan2nurbs.edges.operators import Lengths
+from scan2nurbs.edges.pieces import Pieces, apart_from, choose, make_pieces
+from scan2nurbs.kernels.alongside import mean_along
+from scan2nurbs.kernels.bend_widths import FLOOR, Bends
+from scan2nurbs.kernels.cells import build_cells
+from scan2nurbs.kernels.sides import Meetings
+
+# Mean logarithm of the likelihood ratio along a crease: what is asked for against one curved face, and against a rounding, which
+# is rarer and has a width to choose. Means over 4 h, repeated eight times, reach about 10 h either way.
+EVIDENCE, ROUNDING = 2.5, -0.3
+MEAN_REACH, MEANS = 4.0, 8
+# The best of the bumps that noise makes look like short shallow creases. Pieces 10 h apart share no points, so that evidence adds up
+# along a chain of pieces, which follow each other closer than 1.5 h.
+APART, FOLLOWS = 10.0, 1.5
+# Where residuals come from the shape of faces and not from noise, they do not average out: a sharp bend must be so much likelier
+# there than a rounding, unless it turns by so many degrees that a rounding of that turn would be narrower than the spacing shows,
+# or the bends leave so little of what they may leave that they are exact.
+CLEARLY, BLUNT, ACUTE, EXACT = 2.0, 30.0, 75.0, 0.25
+# How near to a piece that is rather rounded, in h, what looks sharp through narrower windows does not count.
+VETO, DOUBT = 2.0, -0.2
+
+
+class Creases(NamedTuple):
+    """Pieces of creases, and of each what was averaged along it.
+
+    Attributes
+    ----------
+    pieces : Pieces
+        K of them.
+    sharp, rounded : (K,) float64
+        Mean logarithms of the likelihoods of a sharp bend, and of the best rounded one, over one curved face.
+    leftover : (K,) float64
+        Mean square of the best bend's residuals over what noise and the shape of faces may leave.
+    """
+
+    pieces: Pieces
+    sharp: NDArray[np.float64]
+    rounded: NDArray[np.float64]
+    leftover: NDArray[np.float64]
+
+
+def weigh(meetings: Meetings, bends: Bends, h: float) -> Creases:
+    """Average the likelihoods of bends along the creases."""
+    kept = np.flatnonzero(np.isfinite(bends.turn) & np.isfinite(bends.misfit).all(axis=1))
+    if len(kept) == 0:
+        return Creases(make_pieces(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), h), *np.zeros((3, 0)))
+    feet = build_cells(bends.foot[kept], MEAN_REACH * h)
+    kept = kept[feet.order]
+    misfit = bends.misfit[kept]
+    # Where even the best bend fits worse than the noise allows, all count for less.
+    leftover = misfit.min(axis=1) / np.maximum(bends.n_points[kept] - 7, 1)
+    likelihood = -0.5 * (misfit - misfit[:, -1:]) / np.maximum(leftover, 1.0)[:, None]
+    values = np.ascontiguousarray(np.c_[likelihood[:, :-1], bends.turn[kept], leftover])
+    direction, across = meetings.direction[kept], meetings.across[kept]
+    up = np.cross(direction, across)
+    for _ in range(MEANS):
+        values = mean_along(feet, direction, up, values, MEAN_REACH * h, h)
+    return Creases(Pieces(feet, direction, values[:, -2]), values[:, 0], values[:, 1:-2].max(axis=1), values[:, -1])
+
+
+def sharp_pieces(creases: Creases, total: float, lengths: Lengths) -> Pieces:
+    """Keep the pieces that are sharp, with evidence that adds up to `total` along their chain."""
+    sharp, h = creases.sharp, lengths.h
+    good = np.flatnonzero((sharp > EVIDENCE) & (sharp - creases.rounded > ROUNDING + _allowance(creases, lengths)))
+    extent = chain_extent(creases.pieces.middles[good], FOLLOWS * h) / h
+    return choose(creases.pieces, good[sharp[good] * (1.0 + extent / APART) > total], h)
+
+
+def _allowance(creases: Creases, lengths: Lengths) -> NDArray[np.float64]:
+    """Return by how much the shape of smooth faces may speak for a sharp bend and against a rounding."""
+    shape = (FLOOR * lengths.h) ** 2
+    shape /= shape + lengths.noise**2
+    inexact = np.clip(creases.leftover / EXACT, 0.0, 1.0)
+    blunt = np.clip((ACUTE - np.degrees(creases.pieces.turn)) / (ACUTE - BLUNT), 0.0, 1.0)
+    return CLEARLY * shape**2 * inexact * blunt
+
+
+def without_rounded(pieces: Pieces, seen: Creases, h: float) -> Pieces:
+    """Leave out the pieces beside which a wider window saw a rounding, which may look sharp through a narrow one."""
+    rounded = np.flatnonzero((seen.rounded > EVIDENCE) & (seen.sharp - seen.rounded <= DOUBT))
+    return apart_from(pieces, choose(seen.pieces, rounded, h), VETO * h, h)
