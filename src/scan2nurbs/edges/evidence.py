@@ -17,7 +17,7 @@ from scan2nurbs.kernels.sides import Meetings
 
 # Mean logarithm of the likelihood ratio along a crease: what is asked for against one curved face, and against a rounding, which
 # is rarer and has a width to choose. Means over 4 h, repeated eight times, reach about 10 h either way.
-EVIDENCE, ROUNDING = 2.5, -0.3
+EVIDENCE, ROUNDING = 2.5, -0.15
 MEAN_REACH, MEANS = 4.0, 8
 # The best of the bumps that noise makes look like short shallow creases. Pieces 10 h apart share no points, so that evidence adds up
 # along a chain of pieces, which follow each other closer than 1.5 h.
@@ -27,7 +27,7 @@ APART, FOLLOWS = 10.0, 1.5
 # or the bends leave so little of what they may leave that they are exact.
 CLEARLY, BLUNT, ACUTE, EXACT = 2.0, 30.0, 75.0, 0.25
 # How near to a piece that is rather rounded, in h, what looks sharp through narrower windows does not count.
-VETO, DOUBT = 2.0, -0.2
+VETO, DOUBT = 2.0, 0.0
 
 
 class Creases(NamedTuple):
