@@ -16,8 +16,9 @@ from scan2nurbs.kernels.cells import build_cells
 from scan2nurbs.kernels.sides import Meetings
 
 # Mean logarithm of the likelihood ratio along a crease: what is asked for against one curved face, and against a rounding, which
-# is rarer and has a width to choose. Means over 4 h, repeated eight times, reach about 10 h either way.
-EVIDENCE, ROUNDING = 2.5, -0.3
+# is rarer and has a width to choose. The latter may be negative where noise, a quarter to half of h, hides where exactly the crease
+# runs, which matters to a sharp bend most. Means over 4 h, repeated eight times, reach about 10 h either way.
+EVIDENCE, HIDDEN, HIDING = 2.5, 0.3, (0.25, 0.5)
 MEAN_REACH, MEANS = 4.0, 8
 # The best of the bumps that noise makes look like short shallow creases. Pieces 10 h apart share no points, so that evidence adds up
 # along a chain of pieces, which follow each other closer than 1.5 h.
@@ -71,18 +72,19 @@ def weigh(meetings: Meetings, bends: Bends, h: float) -> Creases:
 def sharp_pieces(creases: Creases, total: float, lengths: Lengths) -> Pieces:
     """Keep the pieces that are sharp, with evidence that adds up to `total` along their chain."""
     sharp, h = creases.sharp, lengths.h
-    good = np.flatnonzero((sharp > EVIDENCE) & (sharp - creases.rounded > ROUNDING + _allowance(creases, lengths)))
+    good = np.flatnonzero((sharp > EVIDENCE) & (sharp - creases.rounded > _allowance(creases, lengths)))
     extent = chain_extent(creases.pieces.middles[good], FOLLOWS * h) / h
     return choose(creases.pieces, good[sharp[good] * (1.0 + extent / APART) > total], h)
 
 
 def _allowance(creases: Creases, lengths: Lengths) -> NDArray[np.float64]:
-    """Return by how much the shape of smooth faces may speak for a sharp bend and against a rounding."""
+    """Return by how much a sharp bend must be likelier than a rounding: more for the shape of smooth faces, less for hidden creases."""
+    hidden = HIDDEN * np.interp(lengths.noise / lengths.h, HIDING, (0.0, 1.0))
     shape = (FLOOR * lengths.h) ** 2
     shape /= shape + lengths.noise**2
     inexact = np.clip(creases.leftover / EXACT, 0.0, 1.0)
     blunt = np.clip((ACUTE - np.degrees(creases.pieces.turn)) / (ACUTE - BLUNT), 0.0, 1.0)
-    return CLEARLY * shape**2 * inexact * blunt
+    return CLEARLY * shape**2 * inexact * blunt - hidden
 
 
 def without_rounded(pieces: Pieces, seen: Creases, h: float) -> Pieces:

@@ -26,6 +26,8 @@ ROUNDED = 1.6
 FACE_CURVATURE, BEND_CURVATURE = 0.1, 0.2
 # The same of the crease: its offset in h, its direction as a slope, and its curvature in 1/h.
 OFFSET, SLOPE, CREASE_CURVATURE = 0.5, 0.2, 0.2
+# Gauss-Newton steps that find a crease, and the rounding, in spacings, at which the last of them is left out.
+STEPS, LEAST_STEP = 3, 0.4
 # Standard deviations up to which a point surely belongs to the bend, and from which on it is another face's.
 SURELY, HARDLY = 2.5, 4.0
 # Residuals of less than this part of the spacing are no evidence: faces are no exact quadrics, and creases no parabolas.
@@ -203,10 +205,12 @@ def _hinge(d, w):
 
 @kernel
 def _follow(x, n, variance, slope, noise, spacing, path, A, row):
-    """Fit the crease s = p(t), a parabola, by two Gauss-Newton steps on a slightly rounded bend; fill its coefficients."""
+    """Fit the crease s = p(t), a parabola, by Gauss-Newton steps on bends less and less rounded; fill its coefficients."""
     path[:] = 0.0
-    w = max(spacing, ROUNDED * noise)
-    for _ in range(2):
+    for step in range(STEPS):
+        w = max(spacing / (1.0 + step), ROUNDED * noise)
+        if step > 1 and w >= LEAST_STEP * spacing:
+            break  # what noise blurs more than that is not found better by another step
         A[:] = 0.0
         for j in range(n):
             t, s = x[0, j], x[1, j]
