@@ -8,9 +8,11 @@ from dataclasses import dataclass, field, replace
 from importlib import metadata
 from typing import Any
 
+from scan2nurbs.errors import OutputError
 from scan2nurbs.studio.edits import STAGES, Plan, describe_edit, replay, step_of
 from scan2nurbs.studio.forms import form_fields
 from scan2nurbs.studio.frames import name_of
+from scan2nurbs.studio.inside import is_linked, refusal
 from scan2nurbs.studio.messages import (
     STEPS,
     Cancel,
@@ -195,23 +197,25 @@ class Session:
         project, plan = self._opened(), self._plan
         name = export_name(kind, project.scan)
         folder = project.folder / EXPORTS
+        path = folder / name
         self.running = "export"
         self._changed()
         try:
+            if is_linked(path):
+                raise OutputError(refusal(path, project.folder), path=path)
             folder.mkdir(exist_ok=True)
-            path = str(folder / name)
-            trouble = await self._ask(
-                do="export", scan=str(project.scan), edits=list(project.done_edits), until="model", kind=kind, path=path
-            )
+            asked = {"do": "export", "scan": str(project.scan), "edits": list(project.done_edits), "kind": kind, "path": str(path)}
+            trouble = await self._ask(until="model", **asked)
         except OSError as error:
             trouble = f"The file cannot be written: {error.strerror}."
+        except OutputError as error:
+            trouble = error.message
         self.running = None
         if trouble is not None:
             self.tell(Trouble(text=trouble))
-        elif (folder / name).exists():
+        elif path.exists():
             opened = self._opened()
-            self.project = replace(opened, exports={**opened.exports, name: _export_key(plan)})
-            self.project.save()
+            self._save(replace(opened, exports={**opened.exports, name: _export_key(plan)}))
         self._changed()
 
     async def _ask(self, **request: Any) -> str | None:
@@ -256,8 +260,15 @@ class Session:
     def _save_reached(self) -> None:
         reached = self._current_until(self._plan)
         if reached != self._opened().reached:
-            self.project = replace(self._opened(), reached=reached)
-            self.project.save()
+            self._save(replace(self._opened(), reached=reached))
+
+    def _save(self, project: Project) -> None:
+        """Save what came of computing; where that cannot be, pages are told, and computing goes on."""
+        self.project = project
+        try:
+            project.save()
+        except (OutputError, OSError) as error:
+            self.tell(Trouble(text=" ".join(str(error).split())))
 
     def state(self) -> State:
         """Return the project as it stands."""
