@@ -70,6 +70,7 @@ class Session:
         self._results: dict[str, dict[str, Any]] = {}
         self._troubles: dict[Step, tuple[str, str]] = {}
         self._until: Step | None = None
+        self._stopped = False
         self._exports: list[str] = []
         self._wake = asyncio.Event()
         self._plan = _plan_of(project)
@@ -120,12 +121,14 @@ class Session:
         elif isinstance(message, Compute):
             self.compute("model" if message.until == "export" else message.until)
         elif isinstance(message, Cancel):
-            self._until, self._exports = None, []
-            self.workshop.cancel()
+            self._stop()
         elif isinstance(message, Export):
             export_name(message.kind, self.project.scan)
             self._exports.append(message.kind)
+            if self.running is None:
+                self.running = "export"
             self._wake.set()
+            self._changed()
 
     @property
     def opens(self) -> bool:
@@ -141,8 +144,18 @@ class Session:
     def compute(self, until: Step) -> None:
         """Compute everything up to a step that is not up to date."""
         self._until = until if self._until is None else _later(self._until, until)
+        if self.running is None:
+            self.running = self._until  # what was stopped may still have to end; this one is waited for
         self._wake.set()
         self._changed()
+
+    def _stop(self) -> None:
+        """Stop computing: for the pages at once, though the computation may need a while to end, or be ended."""
+        self._until, self._exports = None, []
+        if self.running is not None:
+            self.running, self._stopped = None, True
+            self.workshop.cancel()
+            self._changed()
 
     def _edit(self, project: Project, step: Step) -> None:
         plan = project.plan  # raises where the edit says nothing that can be done
@@ -180,17 +193,23 @@ class Session:
     async def _run(self, until: Step) -> None:
         project, plan = self._opened(), self._plan
         if all(self._is_current(step, plan) for step in COMPUTED[: COMPUTED.index(until) + 1]):
+            self._ended()
             return
         self.running = until
         self._changed()
         trouble = await self._ask(do="run", scan=str(project.scan), edits=list(project.done_edits), until=until)
-        self.running = None
         if trouble is not None:
             stale: list[Step] = [step for step in COMPUTED if not self._is_current(step, plan)]
             failed = stale[0] if stale else until
             self._troubles[failed] = (plan.key(failed), trouble)
         if plan is self._plan:
             self._save_reached()
+        self._ended()
+
+    def _ended(self) -> None:
+        """Tell that a computation is over, and what is next."""
+        self._stopped = False
+        self.running = self._until or ("export" if self._exports else None)
         self._changed()
 
     async def _export(self, kind: str) -> None:
@@ -210,13 +229,12 @@ class Session:
             trouble = f"The file cannot be written: {error.strerror}."
         except OutputError as error:
             trouble = error.message
-        self.running = None
         if trouble is not None:
             self.tell(Trouble(text=trouble))
-        elif path.exists():
+        elif path.exists() and not self.workshop.cancelled:  # else it is an older one
             opened = self._opened()
             self._save(replace(opened, exports={**opened.exports, name: _export_key(plan)}))
-        self._changed()
+        self._ended()
 
     async def _ask(self, **request: Any) -> str | None:
         return await self.workshop.request(self._hear, project=str(self._opened().folder), **request)
@@ -232,7 +250,7 @@ class Session:
             if _later(self._current_until(self._plan), self._opened().reached) != self._opened().reached:
                 self._save_reached()  # at once: whoever is killed before the end has got so far
             self._changed()
-        elif answer["say"] == "progress":
+        elif answer["say"] == "progress" and not self._stopped:
             self.tell(Progress(**{name: answer[name] for name in ("step", "stage", "done", "total")}))
 
     def _opened(self) -> Project:
