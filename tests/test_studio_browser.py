@@ -100,6 +100,21 @@ def move_the_threshold(person: Person) -> None:
     person.done("edges")
 
 
+def see_what_matters(person: Person) -> None:
+    """The form has the parameters of the operator that is chosen, and no others."""
+    page = person.page
+    page.click("#step-edges")
+    page.locator("summary:has-text('More parameters')").click()
+    shown = {name: page.locator(f"[id='field-edges.{name}']") for name in ("alpha", "small_radius", "reach", "operator")}
+    assert {name: field.count() for name, field in shown.items()} == {"alpha": 0, "small_radius": 0, "reach": 1, "operator": 1}
+    page.select_option("[id='field-edges.operator']", "edn")
+    shown["alpha"].wait_for()
+    assert {name: field.count() for name, field in shown.items()} == {"alpha": 1, "small_radius": 1, "reach": 0, "operator": 1}
+    page.click("#undo")
+    shown["reach"].wait_for()
+    assert shown["alpha"].count() == 0
+
+
 def correct_edges(person: Person) -> None:
     page, whole = person.page, [(0.2, 0.2), (0.8, 0.2), (0.8, 0.85), (0.2, 0.85)]
     visible = person.lasso(whole)
@@ -324,6 +339,7 @@ def test_stopping_says_so_and_a_refused_value_goes_away(browser, studio):
     page.keyboard.press("Enter")
     page.wait_for_selector(".toast:has-text('max_faces')")
     assert page.input_value("[id='field-segment.max_faces']") == ""
+    see_what_matters(person)
     assert person.complaints == []
     context.close()
 

@@ -116,6 +116,37 @@ def test_every_edit_is_described():
     assert "Kinds: parallel, tangent" in said
 
 
+def test_parameters_that_make_no_difference_are_known():
+    def idle(**edges):
+        edits = [{"set": {"stage": "edges", "name": name, "value": value}} for name, value in edges.items()]
+        return {name.removeprefix("edges.") for name in replay(edits).idle()}
+
+    paper = {"small_radius", "large_radius", "exact", "alpha", "beta", "sectors"}
+    assert idle() == idle(operator="crease") == paper
+    assert idle(operator="one-sided") == {*paper, "reach"}
+    assert idle(operator="edn") == {"radius", "reach"}
+    assert idle(operator="dn") == {"radius", "reach", "alpha", "beta", "sectors"}
+    assert idle(operator="vdn") == {"radius", "reach", "alpha", "beta", "small_radius"}
+    assert idle(operator="edn", sequence="vdn*2, dn") == {"radius", "reach", "alpha", "beta", "operator", "repeat"}
+    without = replay([{"set": {"stage": "relations", "name": "relations", "value": False}}]).idle() - replay([]).idle()
+    assert without == {"relations.kinds", "relations.angle", "relations.length", "relations.max_rise"}
+
+
+@pytest.mark.parametrize("operator", ["one-sided", "dn", "vdn", "edn"])
+def test_what_is_idle_changes_no_edge(scan, operator):
+    cloud = as_cloud(scan)
+    scale = measure_scale(cloud.points)
+    plain = EdgeParams(operator=operator)
+    changes = {"radius": 9.0, "reach": 2.0, "small_radius": 2.0, "large_radius": 8.0, "alpha": 0.9, "sectors": 8, "exact": True}
+    idle = {name: value for name, value in changes.items() if name in plain.idle()}
+    assert idle
+    before, after = (detect(cloud.points, scale, params) for params in (plain, EdgeParams(operator=operator, **idle)))
+    np.testing.assert_array_equal(before.strength, after.strength)
+    for name in changes.keys() - idle.keys() - {"exact"}:
+        other = detect(cloud.points, scale, EdgeParams(operator=operator, **{name: changes[name]}))
+        assert not np.array_equal(before.strength, other.strength, equal_nan=True), name
+
+
 def test_several_steps_on_faces_are_done_and_undone_as_one():
     several = {"face": [{"delete": 2}, {"delete": 3}]}
     assert replay([several]) == replay([{"face": {"delete": 2}}, {"face": {"delete": 3}}])

@@ -62,6 +62,11 @@ class Plan:
         """Return the parameters of a stage that has a dataclass in `STAGES`."""
         return self.params.relation_params if stage == "relations" else getattr(self.params, stage)
 
+    def idle(self) -> set[str]:
+        """Return the parameters, by stage and name, that make no difference as the others are."""
+        relations = () if self.params.relations else (f"relations.{field.name}" for field in dataclasses.fields(RelationParams))
+        return {f"edges.{name}" for name in self.params.edges.idle()} | set(relations)
+
     def key(self, step: Step) -> str:
         """Return what the result of a step follows from, as a short text: equal keys, equal results."""
         params = self.params

@@ -304,6 +304,7 @@ class Session:
             can_undo=done > 0,
             can_redo=done < len(edits),
             values=_values(plan),
+            idle=sorted(plan.idle()),
             steps=self._step_states(plan),
             running=self.running,
             files=self._files(plan),
