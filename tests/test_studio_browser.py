@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import io
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -14,22 +12,11 @@ pytest.importorskip("starlette", reason="the studio is an extra")
 
 import studio_server  # noqa: E402
 from scan2nurbs.cli.main import main  # noqa: E402
+from studio_looks import faint_texts, misplaced  # noqa: E402
+from studio_person import ARGUMENTS, CHROMIUM, Person  # noqa: E402
 from studio_server import Studio  # noqa: E402
 
-CHROMIUM = next((path for path in map(shutil.which, ("chromium", "chromium-browser", "google-chrome")) if path), None)
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium on this machine")
-ARGUMENTS = [
-    "--headless",
-    "--no-sandbox",
-    "--use-gl=angle",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-]
 
 
 @pytest.fixture(scope="module")
@@ -45,49 +32,6 @@ def studio(tmp_path):
     running = Studio(studio_server.small_part(tmp_path / "step.ply", step=0.36))
     yield running
     running.stop()
-
-
-class Person:
-    """What a person does on the page; any complaint of the page's console fails the test."""
-
-    def __init__(self, context, url: str) -> None:
-        self.page = context.new_page()
-        self.complaints: list[str] = []
-        self.page.on("console", lambda message: self.complaints.append(message.text) if message.type in ("error", "warning") else None)
-        self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
-        self.page.goto(url)
-
-    def picture(self) -> np.ndarray:
-        from matplotlib.image import imread
-
-        self.page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
-        return np.asarray(imread(io.BytesIO(self.page.locator("main canvas").first.screenshot())))[..., :3]
-
-    def wait(self, condition: str) -> None:
-        for _ in range(600):  # the page's policy forbids what wait_for_function does
-            if self.page.evaluate(condition):
-                return
-            self.page.wait_for_timeout(100)
-        raise AssertionError(f"This did not come true: {condition}")
-
-    def done(self, step: str) -> None:
-        self.page.wait_for_selector(f"#step-{step}.current", timeout=60_000)
-
-    def go_on(self, step: str) -> None:
-        self.page.click("#next")
-        self.done(step)
-
-    def lasso(self, corners: list[tuple[float, float]], key: str | None = None) -> int:
-        """Draw around a part of the picture, in shares of its size; return how many points are chosen."""
-        self.page.click("#tool-lasso")
-        box = self.page.locator("main canvas").first.bounding_box()
-        places = [(box["x"] + x * box["width"], box["y"] + y * box["height"]) for x, y in corners]
-        self.page.mouse.move(*places[0])
-        self.page.mouse.down()
-        for place in [*places[1:], places[0]]:
-            self.page.mouse.move(*place, steps=6)
-        self.page.mouse.up()
-        return self.page.evaluate("studio.selection.count")
 
 
 RELATIONS_MADE = "Number(studio.store.result('surfaces').figures.find((figure) => figure.label.startsWith('Relations')).value)"
@@ -120,6 +64,7 @@ def test_from_a_scan_to_a_step_file(browser, studio, tmp_path):
     other.done("faces")
     split_a_face(person, other)
     give_a_tolerance(person)
+    delete_faces_and_undo_once(person)
 
     person.go_on("surfaces")
     choose_relations(person)
@@ -153,6 +98,21 @@ def move_the_threshold(person: Person) -> None:
     page.evaluate("const s = document.getElementById('threshold'); s.value = '20'; s.dispatchEvent(new Event('change'))")
     person.wait(n_edits(1, 1))
     person.done("edges")
+
+
+def see_what_matters(person: Person) -> None:
+    """The form has the parameters of the operator that is chosen, and no others."""
+    page = person.page
+    page.click("#step-edges")
+    page.locator("summary:has-text('More parameters')").click()
+    shown = {name: page.locator(f"[id='field-edges.{name}']") for name in ("alpha", "small_radius", "reach", "operator")}
+    assert {name: field.count() for name, field in shown.items()} == {"alpha": 0, "small_radius": 0, "reach": 1, "operator": 1}
+    page.select_option("[id='field-edges.operator']", "edn")
+    shown["alpha"].wait_for()
+    assert {name: field.count() for name, field in shown.items()} == {"alpha": 1, "small_radius": 1, "reach": 0, "operator": 1}
+    page.click("#undo")
+    shown["reach"].wait_for()
+    assert shown["alpha"].count() == 0
 
 
 def correct_edges(person: Person) -> None:
@@ -202,9 +162,22 @@ def give_a_tolerance(person: Person) -> None:
     page.wait_for_selector("p:has-text('tolerance 0.4 mm')")
 
 
+def delete_faces_and_undo_once(person: Person) -> None:
+    page = person.page
+    n, n_faces = page.evaluate("[studio.store.state.edits.length, studio.store.entries().length]")
+    page.click("button.face >> nth=1")
+    page.click("button.face >> nth=2", modifiers=["Shift"])
+    page.keyboard.press("Delete")
+    person.wait(n_edits(n + 1, n + 1))
+    person.wait(f"studio.store.entries().length === {n_faces - 2} && studio.store.status('faces') === 'current'")
+    page.keyboard.press("Control+z")
+    person.wait(n_edits(n + 1, n))
+    person.wait(f"studio.store.entries().length === {n_faces} && studio.store.status('faces') === 'current'")
+
+
 def choose_relations(person: Person) -> None:
     page = person.page
-    n = page.evaluate("studio.store.state.edits.length")
+    n = page.evaluate("studio.store.state.edits.filter((edit) => edit.done).length")  # what is done next takes the place of what was undone
     made = page.evaluate(RELATIONS_MADE)
     page.click("summary:has-text('More parameters')")
     page.uncheck("label:has-text('perpendicular') input")
@@ -215,6 +188,60 @@ def choose_relations(person: Person) -> None:
     page.keyboard.press("Enter")
     person.wait(n_edits(n + 2, n + 2))
     person.done("surfaces")
+
+
+@pytest.mark.parametrize("width", [1280, 1024])
+def test_every_step_can_be_read_and_used(browser, tmp_path, width):
+    """Every text with enough contrast, every control in its place, from the first step to the last."""
+    studio = Studio(studio_server.small_part(tmp_path / "step.ply", step=0.5))
+    try:
+        context = browser.new_context(viewport={"width": width, "height": 720})
+        person = Person(context, studio.url)
+        page = person.page
+        person.done("scan")
+        person.wait("studio.viewer.cloud !== null")
+        page.click("#tool-lasso")
+        page.keyboard.press("p")
+        page.click("#step-model")
+        page.click("#compute")
+        page.wait_for_selector("#cancel")
+        assert [*faint_texts(page), *misplaced(page)] == []
+        person.done("model")
+        for step in ("scan", "edges", "faces", "surfaces", "model", "export"):
+            page.click(f"#step-{step}")
+            for summary in page.locator("details:not([open]) summary").all():
+                summary.click()
+            for colour in page.locator("#colouring option:not([disabled])").all():
+                page.select_option("#colouring", colour.get_attribute("value"))
+                assert faint_texts(page, ".stage") == [], step
+            assert [*faint_texts(page), *misplaced(page)] == [], step
+        see_troubles(person)
+        page.evaluate("Object.assign(document.getElementById('fit').style, { color: '#555', position: 'fixed', left: '-20px' })")
+        assert "button#fit" in faint_texts(page)[0]  # what is wrong would be found
+        assert "button#fit" in misplaced(page)[0]
+        assert person.complaints == []
+        context.close()
+    finally:
+        studio.stop()
+
+
+def see_troubles(person: Person) -> None:
+    page = person.page
+    page.click("#step-faces")
+    page.click("button.face >> nth=0")
+    page.fill("[id='field-segment.max_faces']", "-5")
+    page.keyboard.press("Enter")
+    page.wait_for_selector(".toast")
+    assert faint_texts(page) == []
+    page.evaluate("studio.store.send({ type: 'Edit', edit: { face: { merge: [0, 777] } } })")
+    page.wait_for_selector(".trouble")
+    assert faint_texts(page) == []
+    page.click("#undo")
+    person.done("faces")
+    assert faint_texts(page) == []  # the list has what was undone
+    page.click("#help")
+    assert faint_texts(page, "dialog") == []
+    page.keyboard.press("Escape")
 
 
 def test_the_control_net_of_a_face_is_seen_over_it(browser, studio):
@@ -304,13 +331,15 @@ def test_stopping_says_so_and_a_refused_value_goes_away(browser, studio):
     page.click("#step-model")
     page.click("#compute")
     page.click("#cancel")
-    page.wait_for_selector("text=stopping …")
-    person.wait("studio.store.state.running === null && !studio.store.stopping")
+    page.wait_for_selector("text=Stopped. What was done before is kept.")
+    page.wait_for_selector("#compute:enabled")
+    assert page.evaluate("studio.store.state.running === null && !studio.store.stopping")
     page.click("#step-faces")
     page.fill("[id='field-segment.max_faces']", "-5")
     page.keyboard.press("Enter")
     page.wait_for_selector(".toast:has-text('max_faces')")
     assert page.input_value("[id='field-segment.max_faces']") == ""
+    see_what_matters(person)
     assert person.complaints == []
     context.close()
 
@@ -333,6 +362,8 @@ def test_what_a_person_is_told_when_the_studio_is_gone(browser, tmp_path):
     person.page.wait_for_selector("text=Drop the file of a scan here")
     person.page.keyboard.press("?")
     person.page.wait_for_selector("text=Keyboard and mouse")
+    person.page.keyboard.press("Escape")
     studio.kill()
     person.page.wait_for_selector("text=The studio is not running", timeout=20_000)
+    assert faint_texts(person.page) == []
     context.close()

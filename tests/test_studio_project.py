@@ -34,6 +34,7 @@ EDITS = [
     {"face": {"merge": [0, 1]}},
     {"face": {"type": {"face": 0, "kind": "bspline"}}},
     {"face": {"tolerance": {"face": 0, "value": 0.25}}},
+    {"face": [{"delete": 2}, {"delete": 3}]},
     {"set": {"stage": "segment", "name": "keep_types", "value": ["plane", "cylinder"]}},
     {"set": {"stage": "relations", "name": "kinds", "value": ["parallel", "tangent"]}},
     {"set": {"stage": "relations", "name": "angle", "value": 1}},
@@ -54,7 +55,7 @@ def test_edits_amount_to_parameters():
     assert plan.params.edges.threshold == 15.0
     assert [step.action for step in plan.params.boundary] == ["add", "drop"]
     assert plan.params.corrections is not None
-    assert [step.action for step in plan.params.corrections.steps] == ["merge", "type", "tolerance"]
+    assert [step.action for step in plan.params.corrections.steps] == ["merge", "type", "tolerance", "delete", "delete"]
     assert plan.params.relation_params == RelationParams(kinds=("parallel", "tangent"), angle=1.0)
     assert not plan.params.relations
     assert plan.params.segment.keep_types == ("plane", "cylinder")
@@ -90,6 +91,9 @@ def test_only_steps_that_follow_from_an_edit_get_another_key():
         {"boundary": {"add": {"indices": [-1]}}},
         {"face": {"explode": 3}},
         {"face": {"merge": [1]}},
+        {"face": []},
+        {"face": [{"delete": 1}, {"explode": 2}]},
+        {"face": [[{"delete": 1}]]},
         {"face": {"tolerance": {"face": 1, "value": 0}}},
         {"face": {"split": {"face": 0, "lassos": [{"view": "xy", "polygon": [[0, 0]]}]}}},
     ],
@@ -106,8 +110,49 @@ def test_every_edit_is_described():
     assert said[0] == "Threshold: 15"
     assert said[1] == "Add to the boundary: 2 points"
     assert said[2] == "Take from the boundary: a lasso"
-    assert said[3:6] == ["Merge faces 0, 1", "Face 0 is a bspline", "Tolerance of face 0: 0.25"]
+    assert said[3:7] == ["Merge faces 0, 1", "Face 0 is a bspline", "Tolerance of face 0: 0.25", "Delete faces 2, 3"]
+    several = [{"type": {"face": face, "kind": "plane"}} for face in (1, 2)]
+    assert describe_edit({"face": several}) == "Face 1 is a plane; Face 2 is a plane"
     assert "Kinds: parallel, tangent" in said
+
+
+def test_parameters_that_make_no_difference_are_known():
+    def idle(**edges):
+        edits = [{"set": {"stage": "edges", "name": name, "value": value}} for name, value in edges.items()]
+        return {name.removeprefix("edges.") for name in replay(edits).idle()}
+
+    paper = {"small_radius", "large_radius", "exact", "alpha", "beta", "sectors"}
+    assert idle() == idle(operator="crease") == paper
+    assert idle(operator="one-sided") == {*paper, "reach"}
+    assert idle(operator="edn") == {"radius", "reach"}
+    assert idle(operator="dn") == {"radius", "reach", "alpha", "beta", "sectors"}
+    assert idle(operator="vdn") == {"radius", "reach", "alpha", "beta", "small_radius"}
+    assert idle(operator="edn", sequence="vdn*2, dn") == {"radius", "reach", "alpha", "beta", "operator", "repeat"}
+    without = replay([{"set": {"stage": "relations", "name": "relations", "value": False}}]).idle() - replay([]).idle()
+    assert without == {"relations.kinds", "relations.angle", "relations.length", "relations.max_rise"}
+
+
+@pytest.mark.parametrize("operator", ["one-sided", "dn", "vdn", "edn"])
+def test_what_is_idle_changes_no_edge(scan, operator):
+    cloud = as_cloud(scan)
+    scale = measure_scale(cloud.points)
+    plain = EdgeParams(operator=operator)
+    changes = {"radius": 9.0, "reach": 2.0, "small_radius": 2.0, "large_radius": 8.0, "alpha": 0.9, "sectors": 8, "exact": True}
+    idle = {name: value for name, value in changes.items() if name in plain.idle()}
+    assert idle
+    before, after = (detect(cloud.points, scale, params) for params in (plain, EdgeParams(operator=operator, **idle)))
+    np.testing.assert_array_equal(before.strength, after.strength)
+    for name in changes.keys() - idle.keys() - {"exact"}:
+        other = detect(cloud.points, scale, EdgeParams(operator=operator, **{name: changes[name]}))
+        assert not np.array_equal(before.strength, other.strength, equal_nan=True), name
+
+
+def test_several_steps_on_faces_are_done_and_undone_as_one():
+    several = {"face": [{"delete": 2}, {"delete": 3}]}
+    assert replay([several]) == replay([{"face": {"delete": 2}}, {"face": {"delete": 3}}])
+    project = Project(Path(), Path("scan.ply"), "").with_edit(EDITS[0]).with_edit(several)
+    assert project.moved(-1).done_edits == (EDITS[0],)
+    assert project.moved(-1).moved(1) == project
 
 
 @given(st.lists(st.sampled_from([*EDITS, "undo", "redo"]), max_size=12))

@@ -16,6 +16,7 @@ import studio_server
 from scan2nurbs.cli.main import main
 from scan2nurbs.studio.frames import unpack
 from studio_server import Studio, hear, is_current, say
+from studio_taken import read_back, taken_away
 
 
 @pytest.fixture
@@ -68,13 +69,13 @@ def test_corrections_survive_a_kill_and_give_the_file_of_the_command_line(scan, 
             assert [entry["done"] for entry in state["edits"]] == [True] * 4
             say(page, "Export", kind="step")
             state = hear(page, "State", lambda state: bool(state["files"]) and state["running"] is None)
-            assert state["files"][0]["name"] == "step.step"
-            assert state["files"][0]["current"]
+            assert (state["files"][0]["name"], state["files"][0]["current"]) == ("step.step", True)
             assert figures(state, "model")["Check"] == "valid"
             tolerances = {face["number"]: face["tolerance"] for face in result(state, "model")["faces"]}
             assert tolerances == dict.fromkeys(range(len(tolerances))) | {0: 0.5}
             status, _, exported = studio.ask("GET", "/files/step.step", Cookie=studio.cookie())
             assert status == 200
+            assert tolerances.keys() == read_back(taken_away(studio, page, scan.parent / "taken"), scan, exported)
     finally:
         studio.stop()
     again = scan.parent / "again" / "step.step"

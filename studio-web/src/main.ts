@@ -44,8 +44,7 @@ const side = stepsPanel(store, {
   export: [exportPanel(store)],
 }, { surfaces: [faces], model: [faces] });
 stage.append(
-  toolbar(store, viewer, sync, pointer),
-  h("div", { class: "right" }, layersPanel(store, viewer), historyPanel(store)),
+  h("div", { class: "above" }, toolbar(store, viewer, sync, pointer), h("div", { class: "right" }, layersPanel(store, viewer), historyPanel(store))),
   h("div", { class: "bottom" }, scalebar.element, progressBar(store), legend.element),
   welcomePanel(store, toasts),
   toasts.element,
@@ -66,7 +65,8 @@ const connection = new Connection({
     } else if (message.type === "State") {
       const before = store.state;
       store.state = message;
-      if (!message.running) store.stopping = false;
+      if (!message.running && store.stopping) store.hasStopped();
+      if (message.running) store.stopped = false;
       if (!found && message.project) {
         found = true;
         store.goTo(remembered() ?? message.reached);

@@ -102,6 +102,7 @@ export interface State {
   can_undo: boolean;
   can_redo: boolean;
   values: Record<string, unknown>;
+  idle: string[];
   steps: StepState[];
   running: Step | null;
   files: FileEntry[];

@@ -15,6 +15,8 @@ export class Store {
   step: Step = "scan";
   /** Whether it was asked to stop and has not yet. */
   stopping = false;
+  /** Whether it has just stopped because it was asked to. */
+  stopped = false;
   /** Numbers of the faces that are chosen, in the order of choosing. */
   faces: number[] = [];
   send: (message: FromPage) => void = () => undefined;
@@ -51,11 +53,17 @@ export class Store {
     return step ? (this.result(step)?.faces ?? []) : [];
   }
 
-  /** Ask the server to stop computing, which may take it seconds. */
+  /** Ask the server to stop computing. */
   stop(): void {
     this.stopping = true;
     this.send({ type: "Cancel" });
     this.tell("progress");
+  }
+
+  /** Say for a while that it has stopped. */
+  hasStopped(): void {
+    [this.stopping, this.stopped] = [false, true];
+    setTimeout(() => ((this.stopped = false), this.tell("progress")), 6000);
   }
 
   goTo(step: Step): void {

@@ -12,8 +12,14 @@ from scan2nurbs.errors import ParameterError
 OPERATORS = ("auto", "crease", "one-sided", "dn", "vdn", "edn")
 
 
-def _about(default: Any, help: str, unit: str = "", low: float | None = None, high: float | None = None) -> Any:
-    return field(default=default, metadata={"help": help, "unit": unit, "low": low, "high": high})
+_NORMALS = ("dn", "vdn", "edn")
+
+
+def _about(
+    default: Any, help: str, unit: str = "", low: float | None = None, high: float | None = None, *, of: tuple[str, ...] = OPERATORS
+) -> Any:
+    """Describe a parameter; `of` are the operators that use it."""
+    return field(default=default, metadata={"help": help, "unit": unit, "low": low, "high": high, "of": of})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,16 +67,20 @@ class EdgeParams:
         "crease (thin edges where faces meet sharply), one-sided (bands where the surface bends sharply), dn, vdn or edn as in the paper; "
         "auto: crease where edges are wanted, one-sided where they bound a surface",
     )
-    radius: float | None = _about(None, "radius of the one-sided normals; from the noise unless given", "h", 0.0, math.inf)
-    reach: float | None = _about(None, "how far from a crease points are marked; 0.6 unless given", "h", 0.0, math.inf)
-    small_radius: float = _about(1.5, "r_s of dn and edn", "d̄", 0.0, math.inf)
-    large_radius: float = _about(10.0, "r_l of dn, vdn and edn", "d̄", 0.0, math.inf)
+    radius: float | None = _about(
+        None, "radius of the one-sided normals; from the noise unless given", "h", 0.0, math.inf, of=("auto", "crease", "one-sided")
+    )
+    reach: float | None = _about(
+        None, "how far from a crease points are marked; 0.6 unless given", "h", 0.0, math.inf, of=("auto", "crease")
+    )
+    small_radius: float = _about(1.5, "r_s of dn and edn", "d̄", 0.0, math.inf, of=("dn", "edn"))
+    large_radius: float = _about(10.0, "r_l of dn, vdn and edn", "d̄", 0.0, math.inf, of=_NORMALS)
     absolute: bool = _about(False, "radii are lengths in the cloud's unit")
-    exact: bool = _about(False, "sum every point of balls of thousands, instead of small cells")
-    alpha: float = _about(0.4, "weight α of DN in EDN", "", 0.0, 1.0)
-    beta: float | None = _about(None, "weight β of VDN in EDN; 1 − α unless given", "", 0.0, 1.0)
+    exact: bool = _about(False, "sum every point of balls of thousands, instead of small cells", of=_NORMALS)
+    alpha: float = _about(0.4, "weight α of DN in EDN", "", 0.0, 1.0, of=("edn",))
+    beta: float | None = _about(None, "weight β of VDN in EDN; 1 − α unless given", "", 0.0, 1.0, of=("edn",))
     threshold: float | None = _about(None, "δ: strength above which a point is on an edge", "degrees", 0.0, 90.0)
-    sectors: int = _about(4, "g: parts of a neighbourhood that VDN compares", "", 2, 64)
+    sectors: int = _about(4, "g: parts of a neighbourhood that VDN compares", "", 2, 64, of=("vdn", "edn"))
     repeat: int = _about(1, "runs of the operator, each on what the previous one kept", "", 1, 100)
     sequence: str | None = _about(None, 'operators to run one after the other, such as "vdn*3, dn"')
 
@@ -101,6 +111,12 @@ class EdgeParams:
     def resolved(self, automatic: str) -> EdgeParams:
         """Return the same parameters with the operator "auto" replaced."""
         return replace(self, operator=automatic) if self.operator == "auto" else self
+
+    def idle(self) -> frozenset[str]:
+        """Return the names of the parameters that make no difference for the operators that run."""
+        runs = set(self.runs())
+        unused = {f.name for f in fields(self) if runs.isdisjoint(f.metadata["of"])}
+        return frozenset(unused if self.sequence is None else unused | {"operator", "repeat"})
 
     def runs(self) -> tuple[str, ...]:
         """Return the operators to run, in order."""

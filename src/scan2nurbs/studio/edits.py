@@ -5,6 +5,7 @@ An edit is an object with one key::
     {"set": {"stage": "edges", "name": "threshold", "value": 15}}       null: automatic
     {"boundary": {"add": {"lassos": […]}}}, {"boundary": {"drop": {"indices": […]}}}
     {"face": {"merge": [3, 7]}}                                           any step of a file of corrections of faces
+    {"face": [{"delete": 3}, {"delete": 7}]}                              several, done and undone as one
 
 Selections are those of `scan2nurbs.edges.corrections`, steps those of `scan2nurbs.faces.corrections`.
 """
@@ -61,6 +62,11 @@ class Plan:
         """Return the parameters of a stage that has a dataclass in `STAGES`."""
         return self.params.relation_params if stage == "relations" else getattr(self.params, stage)
 
+    def idle(self) -> set[str]:
+        """Return the parameters, by stage and name, that make no difference as the others are."""
+        relations = () if self.params.relations else (f"relations.{field.name}" for field in dataclasses.fields(RelationParams))
+        return {f"edges.{name}" for name in self.params.edges.idle()} | set(relations)
+
     def key(self, step: Step) -> str:
         """Return what the result of a step follows from, as a short text: equal keys, equal results."""
         params = self.params
@@ -101,7 +107,7 @@ def replay(edits: Sequence[Json]) -> Plan:
             action, points = _single(said, ("add", "drop"))
             boundary.append(BoundaryStep("add" if action == "add" else "drop", replace(selection_from(points, _CORRECTIONS), source=None)))
         else:
-            steps.append(said)
+            steps += _steps(said)
     relations = values["relations"].pop("relations", True)
     try:
         made = {stage: params(**values[stage]) for stage, (params, _) in STAGES.items() if params is not None}
@@ -125,10 +131,13 @@ def describe_edit(edit: Json) -> str:
         value = "automatic" if said["value"] is None else said["value"]
         shown = ", ".join(map(str, value)) if isinstance(value, list) else f"{value:.4g}" if isinstance(value, float) else value
         return f"{said['name'].replace('_', ' ').capitalize()}: {shown}"
-    action, content = _single(said, tuple(said))
     if kind == "boundary":
+        action, content = _single(said, ("add", "drop"))
         return f"{'Add to' if action == 'add' else 'Take from'} the boundary: {_extent(content)}"
-    return _describe_step(action, content)
+    steps = [_single(step, tuple(step)) for step in _steps(said)]
+    if len(steps) > 1 and all(action == "delete" for action, _ in steps):
+        return f"Delete faces {', '.join(str(face) for _, face in steps)}"
+    return "; ".join(_describe_step(action, content) for action, content in steps)
 
 
 def _describe_step(action: str, content: Any) -> str:
@@ -151,6 +160,13 @@ def _extent(selection: Any) -> str:
     parts = [f"{len(selection['indices']):,} points"] if selection.get("indices") else []
     parts += ["a lasso"] if selection.get("lassos") else []
     return " and ".join([*parts, *(["a box"] if selection.get("boxes") else [])])
+
+
+def _steps(said: Any) -> list[Any]:
+    """Return the steps of one edit of faces: one, or a list of them."""
+    if said == []:
+        raise ParameterError("An edit of faces must hold at least one step.")
+    return said if isinstance(said, list) else [said]
 
 
 def _single(content: Any, known: Sequence[str]) -> tuple[str, Any]:

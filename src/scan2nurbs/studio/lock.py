@@ -10,6 +10,7 @@ from typing import BinaryIO
 from scan2nurbs.errors import InputError
 
 FILE = ".studio.lock"
+_NO_LINK = getattr(os, "O_NOFOLLOW", 0)  # nothing outside of the project is written to
 _PLACE = 1 << 20  # Windows locks bytes against reading too: lock one behind the text
 
 
@@ -22,7 +23,7 @@ def lock_project(folder: Path) -> BinaryIO | None:
         If another process has it.
     """
     try:
-        stream = os.fdopen(os.open(folder / FILE, os.O_RDWR | os.O_CREAT, 0o644), "r+b", buffering=0)
+        stream = os.fdopen(os.open(folder / FILE, os.O_RDWR | os.O_CREAT | _NO_LINK, 0o644), "r+b", buffering=0)
     except OSError:
         return None
     try:

@@ -130,7 +130,8 @@ class State:
     """The project as it stands; sent whenever it changes. Without a project, `project` is empty.
 
     `opens` tells whether a scan may be sent: where there is none, or the one that is open cannot be read. `reached` is the step to begin
-    with: the last one that was computed, now or before the studio was started again.
+    with: the last one that was computed, now or before the studio was started again. `idle` are those of the `values` that make no
+    difference as the others are: they are not shown.
     """
 
     project: str
@@ -143,6 +144,7 @@ class State:
     can_undo: bool
     can_redo: bool
     values: dict[str, Any]
+    idle: list[str]
     steps: list[StepState]
     running: Step | None
     files: list[FileEntry]

@@ -28,6 +28,7 @@ from scan2nurbs.errors import InputError, OutputError, ParameterError
 from scan2nurbs.io.atomic import atomic_path
 from scan2nurbs.report.record import to_json
 from scan2nurbs.studio.edits import STAGES, Json, Plan, replay
+from scan2nurbs.studio.inside import is_linked, refusal
 from scan2nurbs.studio.messages import STEPS, Step
 
 SCHEMA = "scan2nurbs/project/1"
@@ -85,8 +86,16 @@ class Project:
         return replace(self, done=min(max(self.done + by, 0), len(self.edits)))
 
     def save(self) -> None:
-        """Write ``project.json``, whole or not at all."""
-        plan = self.plan
+        """Write ``project.json``, whole or not at all.
+
+        Raises
+        ------
+        OutputError
+            If it cannot be written, or a link stands in its place.
+        """
+        path, plan = self.folder / FILE, self.plan
+        if is_linked(path):
+            raise OutputError(refusal(path, self.folder), path=self.folder)
         content = {
             "schema": SCHEMA,
             "scan": {"path": _relative(self.scan, self.folder), "sha256": self.sha256},
@@ -96,7 +105,7 @@ class Project:
             "exports": self.exports,
             "parameters": _parameters(plan),
         }
-        with atomic_path(self.folder / FILE) as temporary, temporary.open("w", encoding="utf-8") as stream:
+        with atomic_path(path) as temporary, temporary.open("w", encoding="utf-8") as stream:
             stream.write(to_json(content))
             stream.flush()
             os.fsync(stream.fileno())

@@ -20,6 +20,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from scan2nurbs.errors import Scan2NurbsError
 from scan2nurbs.studio.guard import Access, Guard
+from scan2nurbs.studio.inside import is_linked
 from scan2nurbs.studio.lock import lock_project
 from scan2nurbs.studio.messages import Trouble
 from scan2nurbs.studio.project import EXPORTS, SUFFIX, create_project
@@ -93,7 +94,7 @@ class _Studio:
         if project is None or name not in project.exports:
             return PlainTextResponse("There is no such file in this project.", 404)
         path = project.folder / EXPORTS / name
-        if path.is_symlink() or not path.is_file():
+        if is_linked(path) or not path.is_file():
             return PlainTextResponse("The file is gone: export it again.", 404)
         return FileResponse(path, filename=name, media_type="application/octet-stream")
 

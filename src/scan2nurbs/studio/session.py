@@ -8,9 +8,11 @@ from dataclasses import dataclass, field, replace
 from importlib import metadata
 from typing import Any
 
+from scan2nurbs.errors import OutputError
 from scan2nurbs.studio.edits import STAGES, Plan, describe_edit, replay, step_of
 from scan2nurbs.studio.forms import form_fields
 from scan2nurbs.studio.frames import name_of
+from scan2nurbs.studio.inside import is_linked, refusal
 from scan2nurbs.studio.messages import (
     STEPS,
     Cancel,
@@ -68,6 +70,7 @@ class Session:
         self._results: dict[str, dict[str, Any]] = {}
         self._troubles: dict[Step, tuple[str, str]] = {}
         self._until: Step | None = None
+        self._stopped = False
         self._exports: list[str] = []
         self._wake = asyncio.Event()
         self._plan = _plan_of(project)
@@ -118,12 +121,14 @@ class Session:
         elif isinstance(message, Compute):
             self.compute("model" if message.until == "export" else message.until)
         elif isinstance(message, Cancel):
-            self._until, self._exports = None, []
-            self.workshop.cancel()
+            self._stop()
         elif isinstance(message, Export):
             export_name(message.kind, self.project.scan)
             self._exports.append(message.kind)
+            if self.running is None:
+                self.running = "export"
             self._wake.set()
+            self._changed()
 
     @property
     def opens(self) -> bool:
@@ -139,8 +144,18 @@ class Session:
     def compute(self, until: Step) -> None:
         """Compute everything up to a step that is not up to date."""
         self._until = until if self._until is None else _later(self._until, until)
+        if self.running is None:
+            self.running = self._until  # what was stopped may still have to end; this one is waited for
         self._wake.set()
         self._changed()
+
+    def _stop(self) -> None:
+        """Stop computing: for the pages at once, though the computation may need a while to end, or be ended."""
+        self._until, self._exports = None, []
+        if self.running is not None:
+            self.running, self._stopped = None, True
+            self.workshop.cancel()
+            self._changed()
 
     def _edit(self, project: Project, step: Step) -> None:
         plan = project.plan  # raises where the edit says nothing that can be done
@@ -178,41 +193,48 @@ class Session:
     async def _run(self, until: Step) -> None:
         project, plan = self._opened(), self._plan
         if all(self._is_current(step, plan) for step in COMPUTED[: COMPUTED.index(until) + 1]):
+            self._ended()
             return
         self.running = until
         self._changed()
         trouble = await self._ask(do="run", scan=str(project.scan), edits=list(project.done_edits), until=until)
-        self.running = None
         if trouble is not None:
             stale: list[Step] = [step for step in COMPUTED if not self._is_current(step, plan)]
             failed = stale[0] if stale else until
             self._troubles[failed] = (plan.key(failed), trouble)
         if plan is self._plan:
             self._save_reached()
+        self._ended()
+
+    def _ended(self) -> None:
+        """Tell that a computation is over, and what is next."""
+        self._stopped = False
+        self.running = self._until or ("export" if self._exports else None)
         self._changed()
 
     async def _export(self, kind: str) -> None:
         project, plan = self._opened(), self._plan
         name = export_name(kind, project.scan)
         folder = project.folder / EXPORTS
+        path = folder / name
         self.running = "export"
         self._changed()
         try:
+            if is_linked(path):
+                raise OutputError(refusal(path, project.folder), path=path)
             folder.mkdir(exist_ok=True)
-            path = str(folder / name)
-            trouble = await self._ask(
-                do="export", scan=str(project.scan), edits=list(project.done_edits), until="model", kind=kind, path=path
-            )
+            asked = {"do": "export", "scan": str(project.scan), "edits": list(project.done_edits), "kind": kind, "path": str(path)}
+            trouble = await self._ask(until="model", **asked)
         except OSError as error:
             trouble = f"The file cannot be written: {error.strerror}."
-        self.running = None
+        except OutputError as error:
+            trouble = error.message
         if trouble is not None:
             self.tell(Trouble(text=trouble))
-        elif (folder / name).exists():
+        elif path.exists() and not self.workshop.cancelled:  # else it is an older one
             opened = self._opened()
-            self.project = replace(opened, exports={**opened.exports, name: _export_key(plan)})
-            self.project.save()
-        self._changed()
+            self._save(replace(opened, exports={**opened.exports, name: _export_key(plan)}))
+        self._ended()
 
     async def _ask(self, **request: Any) -> str | None:
         return await self.workshop.request(self._hear, project=str(self._opened().folder), **request)
@@ -228,7 +250,7 @@ class Session:
             if _later(self._current_until(self._plan), self._opened().reached) != self._opened().reached:
                 self._save_reached()  # at once: whoever is killed before the end has got so far
             self._changed()
-        elif answer["say"] == "progress":
+        elif answer["say"] == "progress" and not self._stopped:
             self.tell(Progress(**{name: answer[name] for name in ("step", "stage", "done", "total")}))
 
     def _opened(self) -> Project:
@@ -256,8 +278,15 @@ class Session:
     def _save_reached(self) -> None:
         reached = self._current_until(self._plan)
         if reached != self._opened().reached:
-            self.project = replace(self._opened(), reached=reached)
-            self.project.save()
+            self._save(replace(self._opened(), reached=reached))
+
+    def _save(self, project: Project) -> None:
+        """Save what came of computing; where that cannot be, pages are told, and computing goes on."""
+        self.project = project
+        try:
+            project.save()
+        except (OutputError, OSError) as error:
+            self.tell(Trouble(text=" ".join(str(error).split())))
 
     def state(self) -> State:
         """Return the project as it stands."""
@@ -275,6 +304,7 @@ class Session:
             can_undo=done > 0,
             can_redo=done < len(edits),
             values=_values(plan),
+            idle=sorted(plan.idle()),
             steps=self._step_states(plan),
             running=self.running,
             files=self._files(plan),

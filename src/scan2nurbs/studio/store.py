@@ -23,6 +23,7 @@ from scan2nurbs.errors import OutputError
 from scan2nurbs.io.atomic import atomic_path
 from scan2nurbs.report.record import versions
 from scan2nurbs.studio.codec import Arrays, decode, encode
+from scan2nurbs.studio.inside import is_linked
 
 FOLDER = "results"
 Name = Literal["edges", "faces", "corrections", "relations", "topology", "seen-edges", "seen-model"]
@@ -70,7 +71,7 @@ class Store:
             The results that it may contain, see `codec`.
         """
         path = self._path(name)
-        if self._leads_out(path) or not path.is_file():
+        if is_linked(path) or not path.is_file():
             return None, None
         try:
             with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
@@ -95,7 +96,7 @@ class Store:
         members: dict[str, Any] = {f"{k}": array for k, array in enumerate(arrays)}
         members["said"] = np.frombuffer(json.dumps(said).encode(), np.uint8)
         path = self._path(name)
-        if self._leads_out(path):
+        if is_linked(path):
             return f"What was computed cannot be kept for the next start: {FOLDER}/{path.name} is a link that leads elsewhere."
         try:
             self.folder.mkdir(exist_ok=True)
@@ -109,7 +110,3 @@ class Store:
 
     def _path(self, name: Name) -> Path:
         return self.folder / f"{name}.npz"
-
-    def _leads_out(self, path: Path) -> bool:
-        """Tell whether a link stands where a folder or file of the project belongs: nothing is read or written behind it."""
-        return self.folder.is_symlink() or path.is_symlink()

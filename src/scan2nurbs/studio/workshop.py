@@ -72,6 +72,11 @@ class Workshop:
         """Stop what is being computed."""
         self._cancelled.set()
 
+    @property
+    def cancelled(self) -> bool:
+        """Whether the last request was cancelled."""
+        return self._cancelled.is_set()
+
     async def close(self) -> None:
         """End the process."""
         if self._process is not None and self._process.returncode is None:

@@ -34,23 +34,26 @@ export function boundaryPanel(store: Store, selection: Selection, pointer: Point
 
 export function facesPanel(store: Store, selection: Selection, pointer: Pointer): HTMLElement {
   const element = h("div", { class: "hand" });
-  const step = (content: Record<string, unknown>) => {
+  const step = (content: Record<string, unknown> | Record<string, unknown>[]) => {
     store.send({ type: "Edit", edit: { face: content } });
     selection.clear();
   };
+  /** The same for every face that is chosen, as one edit: what one gesture does, one undo takes back. */
+  const each = (made: (face: number) => Record<string, unknown>) => step(store.faces.length === 1 ? made(store.faces[0]!) : store.faces.map(made));
   const update = () => {
     const [faces, some] = [store.faces, selection.count > 0];
     const one = faces.length === 1 ? faces[0]! : null;
-    const entry = store.entries().find((other) => other.number === one);
+    const entries = store.entries().filter((other) => faces.includes(other.number));
+    const common = <T,>(values: T[]): T | null => (values.length && values.every((value) => value === values[0]) ? values[0]! : null);
     element.hidden = store.result("faces") === null;
-    const kinds = h("select", { id: "face-kind", disabled: one === null, title: "Choose the type of the face's surface", onchange: () => step({ type: { face: one, kind: kinds.value } }) });
+    const kinds = h("select", { id: "face-kind", disabled: !faces.length, title: "Choose the type of the faces' surfaces", onchange: () => each((face) => ({ type: { face, kind: kinds.value } })) });
     fill(kinds, h("option", { value: "" }, "Type…"), ...(store.welcome?.kinds ?? []).map((kind) => h("option", { value: kind }, kind === "bspline" ? "bspline (NURBS)" : kind)));
-    kinds.value = entry?.kind ?? "";
+    kinds.value = common(entries.map((entry) => entry.kind)) ?? "";
     const unit = store.state?.unit ?? "";
     const far = `How far the face's surface may lie from its points besides their noise, in ${unit}; it is as simple as that allows`;
-    const given = () => (Number(tolerance.value) > 0 ? step({ tolerance: { face: one, value: Number(tolerance.value) } }) : update());
-    const tolerance = h("input", { id: "face-tolerance", type: "number", min: "0", step: "any", disabled: one === null, placeholder: `Tolerance, ${unit}`, title: far, onchange: given });
-    tolerance.value = String(entry?.tolerance ?? "");
+    const given = () => (Number(tolerance.value) > 0 ? each((face) => ({ tolerance: { face, value: Number(tolerance.value) } })) : update());
+    const tolerance = h("input", { id: "face-tolerance", type: "number", min: "0", step: "any", disabled: !faces.length, placeholder: `Tolerance, ${unit}`, title: far, onchange: given });
+    tolerance.value = String(common(entries.map((entry) => entry.tolerance)) ?? "");
     const said = [faces.length ? `Face ${faces.join(", ")} chosen` : "", some ? `${count(selection.count)} points chosen` : ""].filter(Boolean).join("; ");
     const points = () => selection.named();
     fill(
@@ -63,7 +66,7 @@ export function facesPanel(store: Store, selection: Selection, pointer: Pointer)
         h("button", { id: "face-merge", disabled: faces.length < 2, title: "Make one face of those chosen; the first one's number stays (M)", onclick: () => (step({ merge: faces }), store.choose(faces[0]!, false)) }, "Merge"),
         kinds,
         tolerance,
-        h("button", { id: "face-delete", disabled: faces.length === 0, title: "Delete the faces; their points belong to none (Del)", onclick: () => (faces.forEach((face) => step({ delete: face })), store.choose(null, false)) }, "Delete"),
+        h("button", { id: "face-delete", disabled: faces.length === 0, title: "Delete the faces; their points belong to none (Del)", onclick: () => (each((face) => ({ delete: face })), store.choose(null, false)) }, "Delete"),
         h("button", { id: "face-split", disabled: one === null || !some, title: "The chosen points of the face become a new face (S)", onclick: () => step({ split: { face: one, ...points() } }) }, "Split off"),
         h("button", { id: "face-assign", disabled: one === null || !some, title: "The chosen points belong to the chosen face (G)", onclick: () => step({ assign: { face: one, ...points() } }) }, "Give to face"),
         h("button", { id: "face-none", disabled: !some, title: "The chosen points belong to no face, like strays (N)", onclick: () => step({ assign: { face: -1, ...points() } }) }, "Give to none"),

@@ -20,9 +20,10 @@ export class Form {
   private update(): void {
     const { welcome, state } = this.store;
     if (!welcome || !state) return;
-    const fields = welcome.fields.filter((field) => field.step === this.step && !this.without.includes(field.name));
+    const matters = (field: FormField) => !state.idle.includes(`${field.stage}.${field.name}`);
+    const fields = welcome.fields.filter((field) => field.step === this.step && !this.without.includes(field.name) && matters(field));
     const automatic = this.store.result(this.step)?.automatic ?? {};
-    const key = JSON.stringify([fields.map((field) => state.values[`${field.stage}.${field.name}`]), automatic, state.unit, state.project]);
+    const key = JSON.stringify([fields.map((field) => [field.name, state.values[`${field.stage}.${field.name}`]]), automatic, state.unit, state.project]);
     if (key === this.shown) return;
     this.shown = key;
     const open = this.element.querySelector("details")?.open ?? false;

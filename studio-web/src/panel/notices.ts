@@ -9,14 +9,15 @@ export function progressBar(store: Store): HTMLElement {
   const element = h("div", { class: "progress", role: "status", hidden: true }, h("div", { class: "track" }, bar), text, stop);
   const update = () => {
     const { progress, state } = store;
-    element.hidden = !state?.running;
+    element.hidden = !state?.running && !store.stopped;
     if (!state?.running) store.progress = null;
-    stop.hidden = store.stopping;
+    stop.hidden = store.stopping || store.stopped;
+    bar.parentElement!.hidden = store.stopped;
     const share = progress && progress.total > 0 ? progress.done / progress.total : 0;
     bar.style.width = `${Math.round(100 * share)}%`;
     const counted = progress !== null && progress.total > 0 && !store.stopping;
     bar.parentElement!.classList.toggle("uncounted", !counted);
-    text.textContent = counted ? `${progress.stage}, ${Math.round(100 * share)} %` : `${store.stopping ? "stopping" : (progress?.stage ?? "starting")} …`;
+    text.textContent = store.stopped ? "Stopped. What was done before is kept." : counted ? `${progress.stage}, ${Math.round(100 * share)} %` : `${store.stopping ? "stopping" : (progress?.stage ?? "starting")} …`;
   };
   store.on(["state", "progress"], update);
   return element;
