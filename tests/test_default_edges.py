@@ -43,7 +43,7 @@ def scores(points: np.ndarray, mask: np.ndarray, edges: np.ndarray, within: floa
     return precision, recall
 
 
-@pytest.mark.parametrize(("thickness", "noise"), [(6.0, 0.5), (7.0, 0.6)])
+@pytest.mark.parametrize(("thickness", "noise"), [(3.0, 0.3), (6.0, 0.5), (7.0, 0.6)])
 def test_both_edges_of_a_plate_are_found_under_noise(thickness, noise):
     points, edges = box((50.0, 40.0, thickness), noise)
     precision, recall = scores(points, s2n.detect_edges(points).mask, edges, 2.0)
