@@ -52,9 +52,22 @@ def start(code: str, *arguments: object, **options: object) -> subprocess.Popen[
 class TestOverview:
     def test_help_names_every_command_and_what_it_does(self, capsys):
         assert run("--help") == 0
-        text = " ".join(capsys.readouterr().out.split())
-        listed = re.findall(r"│ (\w+) +[A-Z][^│]+", text)
-        assert [name for name in listed if name in COMMANDS] == ["info", "edges", "surface", "simulate", "segment", "convert", "studio"]
+        listed = dict(re.findall(r"^  (\w+) +([A-Z].*\.)$", capsys.readouterr().out, re.MULTILINE))
+        assert listed == {name: text for name, (_, text) in COMMANDS.items()}
+        assert list(listed) == ["info", "edges", "surface", "simulate", "segment", "convert", "studio"]
+
+    def test_help_imports_nothing_that_takes_long(self):
+        code = """
+import sys
+from scan2nurbs.cli.main import main
+try:
+    main(["--help"])
+except SystemExit:
+    print(*sys.modules, file=sys.stderr)
+"""
+        loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stderr.split()
+        assert "typer" in loaded
+        assert not {"numpy", "numba", "scipy", "rich.console", "importlib.metadata"} & set(loaded)
 
     @pytest.mark.parametrize("name", COMMANDS)
     def test_the_overview_says_what_the_command_says(self, name):

@@ -21,7 +21,7 @@ COMMANDS = {
     "simulate": ("simulate", "Scan a CAD part with a simulated scanner."),
     "segment": ("segment", "Split a scan into faces."),
     "convert": ("convert", "Rebuild a whole part as one CAD model."),
-    "studio": ("studio", "See every stage in the browser, correct it by hand, take the model away."),
+    "studio": ("studio", "See and correct every stage in the browser."),
 }
 """For each command the module of this package that runs it, and what the overview says of it."""
 
@@ -64,7 +64,7 @@ def _overview(
 
 def build() -> typer.Typer:
     """Build the parser without importing any command."""
-    app = typer.Typer(cls=LazyCommands, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode="rich", epilog=EXIT_CODES)
+    app = typer.Typer(cls=LazyCommands, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None, epilog=EXIT_CODES)
     app.callback()(_overview)
     for name, (_, text) in COMMANDS.items():
         app.command(name=name, help=text)(lambda: None)

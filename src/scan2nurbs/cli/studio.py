@@ -25,7 +25,7 @@ def studio(
     no_open: Annotated[bool, typer.Option("--no-open", help="Do not open the browser.")] = False,
     debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
 ) -> None:
-    """See every stage in the browser, correct it by hand, take the model away.
+    """See and correct every stage in the browser.
 
     The studio prints its address on a line of its own and opens the browser. What is done there is kept in the project's folder at once;
     `scan2nurbs convert --project DIR` does the same again and gives the same STEP file. Stop it with Ctrl-C.
