@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scan2nurbs.edges.border import find_borders
-from scan2nurbs.edges.evidence import Creases, sharp_pieces, weigh, without_rounded
+from scan2nurbs.edges.evidence import WeighedPieces, sharp_pieces, weigh, without_rounded
 from scan2nurbs.edges.operators import RADIUS_RANGE, Lengths, Strength, compare_planes, one_sided_planes_of
 from scan2nurbs.edges.params import EdgeParams
 from scan2nurbs.edges.pieces import Pieces, aligned, apart_from, join, pieces_under
@@ -69,8 +69,8 @@ def crease(cells: Cells, lengths: Lengths, params: EdgeParams, progress: Progres
         n_pieces += len(pieces.turn)
     assert candidates is not None  # a cloud has its own spacing, at least
     border = find_borders(cells, candidates.normal, np.full(len(cells.points), lengths.h), lengths.h, lengths.noise).outline
-    strength[border] = 90.0
     strength[np.isnan(candidates.strength)] = np.nan
+    strength[border] = 90.0
     named = {f"window_{k + 1}" if k else "window": window for k, window in enumerate(windows)}
     return Strength(
         strength=strength,
@@ -93,7 +93,7 @@ class Look(NamedTuple):
     window: float
     candidates: Strength
     n_places: int
-    creases: Creases
+    weighed: WeighedPieces
 
 
 def _creases(cells: Cells, lengths: Lengths, params: EdgeParams, where: Spacing, progress: Progress | None) -> tuple[Pieces, list[Look]]:
@@ -101,12 +101,12 @@ def _creases(cells: Cells, lengths: Lengths, params: EdgeParams, where: Spacing,
     h, narrowest = lengths.h, WINDOW_RANGE[0] * lengths.h
     window = float(np.clip(WINDOW * math.sqrt(lengths.noise / h), *WINDOW_RANGE)) * h
     wide = _look(cells, lengths, params, window, where, progress)
-    pieces = sharp_pieces(wide.creases, WIDE_SUM, lengths)
+    pieces = sharp_pieces(wide.weighed, WIDE_SUM, lengths)
     if params.radius is not None or window <= FINER * narrowest:
         return pieces, [wide]
     fine = _look(cells, lengths, replace(params, radius=RADIUS_RANGE[0], absolute=False), narrowest, where, progress)
-    more = apart_from(sharp_pieces(fine.creases, NARROW_SUM, lengths), pieces, SAME * h, h)
-    return join(pieces, without_rounded(more, wide.creases, h), h), [wide, fine]
+    more = apart_from(sharp_pieces(fine.weighed, NARROW_SUM, lengths), pieces, SAME * h, h)
+    return join(pieces, without_rounded(more, wide.weighed, h), h), [wide, fine]
 
 
 def _look(cells: Cells, lengths: Lengths, params: EdgeParams, window: float, where: Spacing, progress: Progress | None) -> Look:

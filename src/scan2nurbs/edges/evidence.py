@@ -31,7 +31,7 @@ CLEARLY, BLUNT, ACUTE, EXACT = 2.0, 30.0, 75.0, 0.25
 VETO, DOUBT = 2.0, -0.2
 
 
-class Creases(NamedTuple):
+class WeighedPieces(NamedTuple):
     """Pieces of creases, and of each what was averaged along it.
 
     Attributes
@@ -50,11 +50,11 @@ class Creases(NamedTuple):
     leftover: NDArray[np.float64]
 
 
-def weigh(meetings: Meetings, bends: Bends, h: float) -> Creases:
+def weigh(meetings: Meetings, bends: Bends, h: float) -> WeighedPieces:
     """Average the likelihoods of bends along the creases."""
     kept = np.flatnonzero(np.isfinite(bends.turn) & np.isfinite(bends.misfit).all(axis=1))
     if len(kept) == 0:
-        return Creases(make_pieces(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), h), *np.zeros((3, 0)))
+        return WeighedPieces(make_pieces(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), h), *np.zeros((3, 0)))
     feet = build_cells(bends.foot[kept], MEAN_REACH * h)
     kept = kept[feet.order]
     misfit = bends.misfit[kept]
@@ -66,28 +66,28 @@ def weigh(meetings: Meetings, bends: Bends, h: float) -> Creases:
     up = np.cross(direction, across)
     for _ in range(MEANS):
         values = mean_along(feet, direction, up, values, MEAN_REACH * h, h)
-    return Creases(Pieces(feet, direction, values[:, -2]), values[:, 0], values[:, 1:-2].max(axis=1), values[:, -1])
+    return WeighedPieces(Pieces(feet, direction, values[:, -2]), values[:, 0], values[:, 1:-2].max(axis=1), values[:, -1])
 
 
-def sharp_pieces(creases: Creases, total: float, lengths: Lengths) -> Pieces:
+def sharp_pieces(weighed: WeighedPieces, total: float, lengths: Lengths) -> Pieces:
     """Keep the pieces that are sharp, with evidence that adds up to `total` along their chain."""
-    sharp, h = creases.sharp, lengths.h
-    good = np.flatnonzero((sharp > EVIDENCE) & (sharp - creases.rounded > _allowance(creases, lengths)))
-    extent = chain_extent(creases.pieces.middles[good], FOLLOWS * h) / h
-    return choose(creases.pieces, good[sharp[good] * (1.0 + extent / APART) > total], h)
+    sharp, h = weighed.sharp, lengths.h
+    good = np.flatnonzero((sharp > EVIDENCE) & (sharp - weighed.rounded > _allowance(weighed, lengths)))
+    extent = chain_extent(weighed.pieces.middles[good], FOLLOWS * h) / h
+    return choose(weighed.pieces, good[sharp[good] * (1.0 + extent / APART) > total], h)
 
 
-def _allowance(creases: Creases, lengths: Lengths) -> NDArray[np.float64]:
+def _allowance(weighed: WeighedPieces, lengths: Lengths) -> NDArray[np.float64]:
     """Return by how much a sharp bend must be likelier than a rounding: more for the shape of smooth faces, less for hidden creases."""
     hidden = HIDDEN * np.interp(lengths.noise / lengths.h, HIDING, (0.0, 1.0))
     shape = (FLOOR * lengths.h) ** 2
     shape /= shape + lengths.noise**2
-    inexact = np.clip(creases.leftover / EXACT, 0.0, 1.0)
-    blunt = np.clip((ACUTE - np.degrees(creases.pieces.turn)) / (ACUTE - BLUNT), 0.0, 1.0)
+    inexact = np.clip(weighed.leftover / EXACT, 0.0, 1.0)
+    blunt = np.clip((ACUTE - np.degrees(weighed.pieces.turn)) / (ACUTE - BLUNT), 0.0, 1.0)
     return CLEARLY * shape**2 * inexact * blunt - hidden
 
 
-def without_rounded(pieces: Pieces, seen: Creases, h: float) -> Pieces:
+def without_rounded(pieces: Pieces, seen: WeighedPieces, h: float) -> Pieces:
     """Leave out the pieces beside which a wider window saw a rounding, which may look sharp through a narrow one."""
     rounded = np.flatnonzero((seen.rounded > EVIDENCE) & (seen.sharp - seen.rounded <= DOUBT))
     return apart_from(pieces, choose(seen.pieces, rounded, h), VETO * h, h)
