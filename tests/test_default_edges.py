@@ -125,3 +125,25 @@ def test_a_hole_in_a_sheet_is_an_edge():
     mask = s2n.detect_edges(sheet).mask
     beside = np.abs(np.linalg.norm(sheet[:, :2] - (80, 60), axis=1) - 14) < 2.0
     assert mask[beside].sum() > 60
+
+
+@pytest.mark.parametrize(("bar", "bore"), [(12.0, 8.0), (20.0, 14.0)])
+def test_curved_creases_of_curved_faces_are_sharp_without_noise(bar, bore):
+    """A round bar that is bored across: a crease whose path was found roughly only would look rounded."""
+    rng = np.random.default_rng(1)
+    around = plane(rng, 80, round(2 * np.pi * bar))
+    angle = 2 * np.pi * around[:, 1] / round(2 * np.pi * bar)
+    outer = np.c_[around[:, 0] - 40, bar * np.cos(angle), bar * np.sin(angle)]
+    wall = plane(rng, round(2 * np.pi * bore), 2 * bar)
+    angle = 2 * np.pi * wall[:, 0] / round(2 * np.pi * bore)
+    inner = np.c_[bore * np.cos(angle), bore * np.sin(angle), wall[:, 1] - bar]
+    points = np.concatenate((outer[np.hypot(*outer[:, :2].T) > bore], inner[np.hypot(*inner[:, 1:].T) < bar]))
+    angle = np.linspace(0, 2 * np.pi, 300)
+    rim = np.c_[bore * np.cos(angle), bore * np.sin(angle), np.sqrt(bar**2 - (bore * np.sin(angle)) ** 2)]
+    mask = s2n.detect_edges(points).mask
+    assert (KDTree(points[mask]).query(rim)[0] <= 1).mean() > 0.97
+
+
+def test_noise_of_a_thin_plate_is_not_the_distance_of_its_sides():
+    points, _ = box((50.0, 40.0, 3.0), 0.8)
+    assert scale.measure_scale(points).noise < 1.2
