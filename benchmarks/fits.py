@@ -1,17 +1,26 @@
-"""B-spline surfaces through scattered points, beside what SciPy offers: ``python -m benchmarks.fits [--points N] [--spans N]``.
+"""B-spline surfaces through scattered points, beside SciPy and FreeCAD.
+
+    python -m benchmarks.fits [--points N] [--spans N] [--crop N] [--freecad PYTHON]
+
 
 The points lie at random on a trimmed patch with two holes, with Gaussian noise σ across it. SciPy fits heights over a plane at fixed
 parameters; scan2nurbs is timed both so (all points once, on the same knots, then foot points and a second fit) and as
-`fit_surface`, which finds the parameters and the knots itself. The rms is that of the distances to the fit (along the
+`fit_surface`, which finds the parameters and the knots itself. FreeCAD's `ReverseEngineering.approxSurface` corrects parameters too; PYTHON
+is one that finds it, left out by default (see `benchmarks/freecad_fit.py`), and gets few points and control points, since its time
+grows with their product and more. The rms is that of the distances to the fit (along the
 normal, or upwards for SciPy), and that of the fit's height against the true surface, in σ; 1 and 0 would be perfect.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
+import subprocess
+import tempfile
 import time
 import warnings
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +31,8 @@ from scan2nurbs.surfaces.axis import Axis
 from scan2nurbs.surfaces.solve import fit_spline
 
 SIGMA = 0.002
+# What FreeCAD gets: points, control points a side.
+FEW, POLES = 10_000, 20
 
 
 def height(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -79,7 +90,27 @@ def smoothing(points: NDArray[np.float64], spans: int) -> NDArray[np.float64]:
     return np.c_[x, y, heights]
 
 
-def table(n: int, spans: int, crop: int) -> list[str]:
+def freecad(points: NDArray[np.float64], poles: int, python: str) -> tuple[NDArray[np.float64], float]:
+    """Fit with FreeCAD in a process of its own; return the foot points and the seconds that the fit alone took."""
+    with tempfile.TemporaryDirectory() as folder:
+        source, out = Path(folder) / "points.json", Path(folder) / "out.json"
+        source.write_text(json.dumps(points.tolist()))
+        script = Path(__file__).with_name("freecad_fit.py")
+        subprocess.run([python, str(script), str(source), str(out), str(poles)], check=True)
+        found = json.loads(out.read_text())
+    return np.array(found["feet"]), found["seconds"]
+
+
+def row(name: str, given: NDArray[np.float64], fitted: NDArray[np.float64], wall: float, processor: float) -> str:
+    """Write a row of the table: what a fit took, and how far it lies from the points and from the truth."""
+    residual = np.sqrt(np.mean(np.sum((given - fitted) ** 2, axis=1))) / SIGMA
+    truth = np.sqrt(np.mean((fitted[:, 2] - height(fitted[:, 0], fitted[:, 1])) ** 2)) / SIGMA
+    line = f"| {name} | {len(given):,} | {wall:.3g} | {processor:.3g} | {residual:.3f} | {truth:.3f} |"
+    print(line, flush=True)
+    return line
+
+
+def table(n: int, spans: int, crop: int, python: str | None = None) -> list[str]:
     """Fit with everything there is; return the table."""
     points = patch(n)
     few = points[:crop]
@@ -89,6 +120,7 @@ def table(n: int, spans: int, crop: int) -> list[str]:
     runs: list[tuple[str, NDArray[np.float64], Callable[[NDArray[np.float64]], NDArray[np.float64]]]] = [
         (f"scan2nurbs, {net} x {net}, parameters corrected", points, lambda p: ours_at_knots(p, spans)),
         ("scan2nurbs `fit_surface`, its own parameters and knots", points, ours),
+        (f"scan2nurbs, {POLES} x {POLES}, parameters corrected", points[:FEW], lambda p: ours_at_knots(p, POLES - 3)),
         (f"SciPy LSQBivariateSpline, {net} x {net}", few, lambda p: least_squares(p, spans)),
         (f"SciPy bisplrep, up to {net} x {net}", few, lambda p: smoothing(p, spans)),
     ]
@@ -97,10 +129,10 @@ def table(n: int, spans: int, crop: int) -> list[str]:
         wall, processor = time.perf_counter(), time.process_time()
         fitted = work(given)
         wall, processor = time.perf_counter() - wall, time.process_time() - processor
-        residual = np.sqrt(np.mean(np.sum((given - fitted) ** 2, axis=1))) / SIGMA
-        truth = np.sqrt(np.mean((fitted[:, 2] - height(fitted[:, 0], fitted[:, 1])) ** 2)) / SIGMA
-        lines.append(f"| {name} | {len(given):,} | {wall:.1f} | {processor:.1f} | {residual:.3f} | {truth:.3f} |")
-        print(lines[-1], flush=True)
+        lines.append(row(name, given, fitted, wall, processor))
+    if python is not None:
+        feet, seconds = freecad(points[:FEW], POLES, python)
+        lines.append(row(f"FreeCAD approxSurface, {POLES} x {POLES}, parameters corrected", points[:FEW], feet, seconds, seconds))
     return lines
 
 
@@ -109,8 +141,9 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--points", type=int, default=1_000_000)
     parser.add_argument("--spans", type=int, default=57)
     parser.add_argument("--crop", type=int, default=100_000)
+    parser.add_argument("--freecad", metavar="PYTHON")
     options = parser.parse_args(arguments)
-    print(*table(options.points, options.spans, options.crop), sep="\n")
+    print(*table(options.points, options.spans, options.crop, options.freecad), sep="\n")
 
 
 if __name__ == "__main__":

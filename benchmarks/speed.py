@@ -1,6 +1,6 @@
 """Measure speed and memory beside other libraries, on clouds of one blocky part.
 
-    python -m benchmarks.speed [--parts PART ...] [--sizes N ...] [--peers PYTHON] [--crop N] [--repeats N] [--rounds N]
+    python -m benchmarks.speed [--parts PART ...] [--sizes N ...] [--peers PYTHON] [--crop N] [--repeats N] [--rounds N] [--freecad PYTHON]
 
 from the root of the checkout. The parts are the ratio of EDN to SciPy's spacing, both in turns in one process (`benchmarks.ratios`), the
 errors of clusters, normals beside other libraries, whole clouds, and B-spline fits (`benchmarks.fits`). PYTHON is one that has the extra
@@ -149,6 +149,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--crop", type=int, default=100_000)
     parser.add_argument("--repeats", type=int, default=3)
     parser.add_argument("--rounds", type=int, default=4)
+    parser.add_argument("--freecad", metavar="PYTHON")
     options = parser.parse_args(arguments)
     set_threads(THREADS)
     text = [
@@ -188,7 +189,7 @@ def _clouds(options: argparse.Namespace) -> list[str]:
 
 
 def _fits(options: argparse.Namespace) -> list[str]:
-    return ["## B-spline surfaces through scattered points", "", *table(1_000_000, 57, 100_000), ""]
+    return ["## B-spline surfaces through scattered points", "", *table(1_000_000, 57, 100_000, options.freecad), ""]
 
 
 PARTS = {"ratios": _ratios, "errors": _errors, "normals": _normals, "clouds": _clouds, "fits": _fits}

@@ -198,6 +198,18 @@ def test_only_what_is_asked_for_is_computed():
     assert np.isnan(part.normal[~todo]).all()
 
 
+def test_results_stand_in_the_order_of_the_input_where_that_is_asked_for():
+    points = wavy(3000, noise=0.1)
+    points[::97] += 1e3 * np.arange(31)[:, None]  # far from all others: balls without planes
+    cells = build_cells(points, 5.0)
+    todo = np.random.default_rng(0).random(3000) < 0.8
+    for radius, widenings in ((0.6, 4), (4.0, 0)):
+        by_cells = ball_planes(cells, radius, sectors=4, widenings=widenings, todo=todo)
+        by_rows = ball_planes(cells, radius, sectors=4, widenings=widenings, todo=todo, input_order=True)
+        for sorted_, rows in zip(by_cells, by_rows, strict=True):
+            assert np.array_equal(rows[cells.order], sorted_, equal_nan=True)
+
+
 def test_results_do_not_depend_on_the_number_of_threads():
     points = wavy(30_000)
 

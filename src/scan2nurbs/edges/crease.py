@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from scan2nurbs.edges.border import find_borders
 from scan2nurbs.edges.evidence import WeighedPieces, sharp_pieces, weigh, without_rounded
-from scan2nurbs.edges.operators import RADIUS_RANGE, Lengths, Strength, compare_planes, one_sided_planes_of
+from scan2nurbs.edges.operators import RADIUS_RANGE, Lengths, Strength, compare_planes, in_input_order, one_sided_planes_of
 from scan2nurbs.edges.params import EdgeParams
 from scan2nurbs.edges.pieces import Pieces, aligned, apart_from, join, pieces_under
 from scan2nurbs.edges.spacings import Spacing, at_spacing, spacings_of
@@ -72,12 +72,13 @@ def crease(cells: Cells, lengths: Lengths, params: EdgeParams, progress: Progres
     strength[np.isnan(candidates.strength)] = np.nan
     strength[border] = 90.0
     named = {f"window_{k + 1}" if k else "window": window for k, window in enumerate(windows)}
-    return Strength(
+    found = Strength(
         strength=strength,
         normal=candidates.normal,
         radii=candidates.radii | named | {"reach": _reach(params, lengths.h)},
         counts=candidates.counts | {"crease_candidates": n_places, "crease_pieces": n_pieces, "border_points": int(border.sum())},
     )
+    return in_input_order(found, cells)
 
 
 def _reach(params: EdgeParams, h: float) -> float:

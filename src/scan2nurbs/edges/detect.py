@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scan2nurbs.edges.crease import crease
 from scan2nurbs.edges.operators import Lengths, Strength, run_operator
 from scan2nurbs.edges.params import EdgeParams
-from scan2nurbs.kernels.cells import build_cells, spread
+from scan2nurbs.kernels.cells import build_cells
 from scan2nurbs.kernels.runner import Progress
 from scan2nurbs.scale import Scale
 
@@ -99,7 +99,7 @@ def detect(points: NDArray[np.float64], scale: Scale, params: EdgeParams, progre
     for name in params.runs():
         cells = scale.cells if kept is None else build_cells(points[kept], scale.cells.size)
         run = crease if name == "crease" else partial(run_operator, name)
-        collected.add(run(cells, lengths, params, progress), cells.order, kept)
+        collected.add(run(cells, lengths, params, progress), kept)
         above = collected.strength > threshold  # NaN is never larger
         kept = np.flatnonzero(above) if kept is None else kept[above[kept]]
         runs.append((name, len(kept)))
@@ -147,17 +147,18 @@ class _Collector:
     def strength(self) -> NDArray[np.float64]:
         return self.values["strength"]
 
-    def add(self, result: Strength, order: NDArray[np.int32], kept: NDArray[np.int64] | None) -> None:
-        """Take what was measured of the points `kept` (None: of all), in the order of their cells."""
-        where = order if kept is None else kept[order]
+    def add(self, result: Strength, kept: NDArray[np.int64] | None) -> None:
+        """Take what was measured of the points `kept` (None: of all), in their order."""
         for name in ("strength", "normal", "dn", "vdn_small", "vdn_large"):
             values = getattr(result, name)
             if values is None:
                 continue
+            if kept is None:
+                self.values[name] = values
+                continue
             if name not in self.values:
-                shape = (self.n, *values.shape[1:])
-                self.values[name] = np.empty(shape) if kept is None else np.full(shape, np.nan)
-            spread(values, where, self.values[name])
+                self.values[name] = np.full((self.n, *values.shape[1:]), np.nan)
+            self.values[name][kept] = values
         self.radii |= result.radii
         for name, count in result.counts.items():
             self.counts[name] = self.counts.get(name, 0) + count

@@ -19,7 +19,7 @@ MAX_WIDENINGS = 4
 
 @dataclass(frozen=True)
 class Normals:
-    """Normals of every point at one radius, in the order of the sorted points.
+    """Normals of every point at one radius, in the order of the sorted points unless that of the input was asked for.
 
     Attributes
     ----------
@@ -43,7 +43,14 @@ class Normals:
 
 
 def normals_at(
-    cells: Cells, radius: float, *, sectors: int = 0, only_normals: bool = False, exact: bool = False, progress: Progress | None = None
+    cells: Cells,
+    radius: float,
+    *,
+    sectors: int = 0,
+    only_normals: bool = False,
+    exact: bool = False,
+    input_order: bool = False,
+    progress: Progress | None = None,
 ) -> Normals:
     """Estimate normals from all points closer than a radius (paper, section 2.1).
 
@@ -59,6 +66,8 @@ def normals_at(
         Whether to leave out the balls' mean and variance.
     exact : bool
         Whether each point is summed even where a ball holds thousands (see `ball_planes`).
+    input_order : bool
+        Whether results stand in the order of the points that the cells were built from.
     progress : callable, optional
         Called with (cells done, cells).
 
@@ -68,7 +77,16 @@ def normals_at(
     times; a point that has no plane then has no normal. VDN is never taken from a widened ball: sectors of a ball without a plane
     have no sense.
     """
-    balls = ball_planes(cells, radius, sectors=sectors, widenings=MAX_WIDENINGS, only_normals=only_normals, exact=exact, progress=progress)
+    balls = ball_planes(
+        cells,
+        radius,
+        sectors=sectors,
+        widenings=MAX_WIDENINGS,
+        only_normals=only_normals,
+        exact=exact,
+        input_order=input_order,
+        progress=progress,
+    )
     return Normals(radius=radius, normal=balls.normal, status=balls.widened, sector_angle=balls.sector_angle, balls=balls)
 
 

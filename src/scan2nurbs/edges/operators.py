@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from scan2nurbs.edges.normals import UNDEFINED, Normals, angles_between, normals_at
 from scan2nurbs.edges.params import EdgeParams
-from scan2nurbs.kernels.cells import Cells
+from scan2nurbs.kernels.cells import Cells, unsorted
 from scan2nurbs.kernels.one_sided import normal_differences, one_sided_planes
 from scan2nurbs.kernels.runner import Progress
 from scan2nurbs.kernels.symmetric3 import weighted_angles
@@ -34,7 +34,7 @@ class Lengths:
 
 @dataclass(frozen=True)
 class Strength:
-    """What one run of an operator measured, in the order of the sorted points.
+    """What one run of an operator measured.
 
     Attributes
     ----------
@@ -59,14 +59,23 @@ class Strength:
     counts: dict[str, int] = field(default_factory=dict)
 
 
+def in_input_order(found: Strength, cells: Cells) -> Strength:
+    """Put what was measured of the sorted points into the order of the points that the cells were built from."""
+    return replace(found, strength=unsorted(cells, found.strength), normal=unsorted(cells, found.normal))
+
+
 def run_operator(name: str, cells: Cells, lengths: Lengths, params: EdgeParams, progress: Progress | None = None) -> Strength:
-    """Run the operator of that name once, on the points of the cell index."""
+    """Run the operator of that name once on the points that the cells were built from; what it measured is in their order."""
     if name == "one-sided":
-        return one_sided(cells, lengths, params, progress)
+        return in_input_order(one_sided(cells, lengths, params, progress), cells)
     unit = 1.0 if params.absolute else lengths.spacing
     small_radius, large_radius = params.small_radius * unit, params.large_radius * unit
     sectors = 0 if name == "dn" else params.sectors
-    large = normals_at(cells, large_radius, sectors=sectors, only_normals=True, exact=params.exact, progress=progress)
+
+    def normals(radius: float) -> Normals:
+        return normals_at(cells, radius, sectors=sectors, only_normals=True, exact=params.exact, input_order=True, progress=progress)
+
+    large = normals(large_radius)
     if name == "vdn":
         return Strength(
             strength=large.sector_angle,
@@ -75,7 +84,7 @@ def run_operator(name: str, cells: Cells, lengths: Lengths, params: EdgeParams, 
             radii={"large": large_radius},
             counts=_counts("large", large),
         )
-    small = normals_at(cells, small_radius, sectors=sectors, only_normals=True, exact=params.exact, progress=progress)
+    small = normals(small_radius)
     dn = angles_between(small.normal, large.normal)
     radii = {"small": small_radius, "large": large_radius}
     counts = _counts("small", small) | _counts("large", large)
@@ -101,7 +110,7 @@ def edn(dn: NDArray[np.float64], vdn_small: NDArray[np.float64], vdn_large: NDAr
 
 
 def one_sided(cells: Cells, lengths: Lengths, params: EdgeParams, progress: Progress | None = None) -> Strength:
-    """Measure how much one-sided normals differ about each point.
+    """Measure how much one-sided normals differ about each sorted point.
 
     Each point takes the plane of the flattest ball that it fits, so that normals do not blur across an edge; its strength is
     the 90 % quantile of the angles between its normal and those of its neighbours within 2 h.
@@ -135,7 +144,7 @@ def one_sided_planes_of(cells: Cells, lengths: Lengths, params: EdgeParams, prog
 
 
 def compare_planes(cells: Cells, planes: SidedPlanes, lengths: Lengths, progress: Progress | None = None) -> Strength:
-    """Measure by how many degrees the one-sided planes about each point differ."""
+    """Measure by how many degrees the one-sided planes about each sorted point differ."""
     normal = np.where((planes.chosen >= 0)[:, None], planes.normals.normal[planes.chosen], np.nan)
     strength = normal_differences(cells, normal, NEIGHBOURS * lengths.h, QUANTILE, progress=progress)
     return Strength(strength=strength, normal=normal, radii={"one_sided": planes.radius}, counts=_counts("one_sided", planes.normals))

@@ -131,10 +131,12 @@ def _take(values, order, start, stop, out):
             out[i, k] = values[order[i], k]
 
 
-def spread(values: NDArray[np.float64], order: NDArray[np.integer], out: NDArray[np.float64]) -> None:
-    """Write ``out[order] = values`` for distinct rows: values of the sorted points (N,) or (N, K) to where these came from."""
+def unsorted(cells: Cells, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Put values (N,) or (N, K) of the sorted points into the order of the points that the cells were built from."""
+    out = np.empty(values.shape)
     rows, target = values.reshape(len(values), -1), out.reshape(len(out), -1)
-    run_ranges(lambda start, stop: _spread(rows, order, start, stop, target), len(rows), size=_RANGE)
+    run_ranges(lambda start, stop: _spread(rows, cells.order, start, stop, target), len(rows), size=_RANGE)
+    return out
 
 
 @kernel

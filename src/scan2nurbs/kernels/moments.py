@@ -35,7 +35,7 @@ BALL_CLUSTER, BALL_CLUSTERED = 1.0 / 9.0, 5.0
 
 
 class BallPlanes(NamedTuple):
-    """Planes of the balls of one radius about every point, in the order of the sorted points.
+    """Planes of the balls of one radius about every point, in the order of the sorted points unless that of the input was asked for.
 
     Attributes
     ----------
@@ -70,6 +70,7 @@ def ball_planes(
     widenings: int = 0,
     only_normals: bool = False,
     exact: bool = False,
+    input_order: bool = False,
     todo: NDArray[np.bool_] | None = None,
     progress: Progress | None = None,
 ) -> BallPlanes:
@@ -91,6 +92,9 @@ def ball_planes(
     exact : bool
         Whether each point of a ball is summed, however many there are; else small cells stand for the points of its sectors where it
         holds more than about 500, and for its own where it holds more than about 1,300.
+    input_order : bool
+        Whether results stand in the order of the points that the cells were built from. Written as they are found, they cost no
+        pass of their own over memory.
     todo : (N,) bool, optional
         Which sorted points to compute; the others get NaN.
     progress : callable, optional
@@ -114,19 +118,19 @@ def ball_planes(
         clusters = cluster(cells, (BALL_CLUSTER if whole else SECTOR_CLUSTER) * radius, radius)
     ahead = 2 if widenings >= 2 and np.pi * density * radius**2 < SPARSE else 0
     wanted = np.ones(0, np.bool_) if todo is None else todo
+    place = cells.order if input_order else np.empty(0, np.int32)
     turn = 2.0 * np.pi * np.arange(sectors) / max(sectors, 1)
     borders = np.stack([np.cos(turn), np.sin(turn)], axis=1).astype(np.float32)
-    run_ranges(
-        lambda start, stop: _ball_planes(cells, clusters, whole, float(radius), widenings, ahead, borders, wanted, start, stop, result),
-        len(cells.cell_key),
-        size=CELLS_PER_RANGE,
-        progress=progress,
-    )
+
+    def work(start: int, stop: int) -> None:
+        _ball_planes(cells, clusters, whole, float(radius), widenings, ahead, borders, wanted, place, start, stop, result)
+
+    run_ranges(work, len(cells.cell_key), size=CELLS_PER_RANGE, progress=progress)
     return result
 
 
 @summing
-def _ball_planes(cells, clusters, whole, radius, widenings, ahead, borders, todo, start, stop, out):
+def _ball_planes(cells, clusters, whole, radius, widenings, ahead, borders, todo, place, start, stop, out):
     g = len(borders)
     centre, low, high = np.empty(3), np.empty(3), np.empty(3)
     runs, indices = np.empty((64, 2), np.int64), np.empty(COLUMNS, np.int64)
@@ -138,7 +142,7 @@ def _ball_planes(cells, clusters, whole, radius, widenings, ahead, borders, todo
     for cell in range(start, stop):
         for first in range(cells.cell_start[cell], cells.cell_start[cell + 1], BLOCK):
             end = min(first + BLOCK, cells.cell_start[cell + 1])
-            m = _begin(first, end, todo, pending, out)
+            m = _begin(first, end, todo, place, pending, out)
             reach, unit, border, filled, n_clusters = radius, 0.0, 0, 0, 0
             for step in range(widenings + 1):
                 if m == 0:
@@ -167,26 +171,27 @@ def _ball_planes(cells, clusters, whole, radius, widenings, ahead, borders, todo
                         sector_sums(table, filled, local, planes, sums, borders, chosen, n_chosen, limit, sectors)
                     _add_the_point(local, chosen, n_chosen, clusters.size > 0.0, g, sectors)
                     normals_of_moments(sectors, n_chosen * g, normals)
-                    _write_sector_angles(pending, chosen, n_chosen, normals, g, out)
-                m = _write_planes(pending, m, step, 1.0 / scale, sums, planes, out)
+                    _write_sector_angles(pending, place, chosen, n_chosen, normals, g, out)
+                m = _write_planes(pending, m, place, step, 1.0 / scale, sums, planes, out)
                 reach *= WIDENING
 
 
 @summing
-def _begin(first, end, todo, pending, out):
+def _begin(first, end, todo, place, pending, out):
     """Clear the results of a block of points and list those to compute; return how many there are."""
     m = 0
     for i in range(first, end):
-        out.n_points[i] = 0
-        out.widened[i] = UNDEFINED
+        row = place[i] if len(place) > 0 else i
+        out.n_points[row] = 0
+        out.widened[row] = UNDEFINED
         for k in range(3):
-            out.normal[i, k] = np.nan
+            out.normal[row, k] = np.nan
         if len(out.variance) > 0:
-            out.variance[i] = np.nan
+            out.variance[row] = np.nan
             for k in range(3):
-                out.mean[i, k] = np.nan
+                out.mean[row, k] = np.nan
         if len(out.sector_angle) > 0:
-            out.sector_angle[i] = np.nan
+            out.sector_angle[row] = np.nan
         pending[m] = i
         m += len(todo) == 0 or todo[i]
     return m
@@ -230,7 +235,7 @@ def _add_the_point(local, chosen, n_chosen, about_centre, g, sectors):
 
 
 @summing
-def _write_sector_angles(pending, chosen, n_chosen, normals, g, out):
+def _write_sector_angles(pending, place, chosen, n_chosen, normals, g, out):
     """Write the largest angle between the planes of two sectors (paper, Algorithm 1 and eq. 2.3), in degrees."""
     for c in range(n_chosen):
         least = np.inf
@@ -239,26 +244,28 @@ def _write_sector_angles(pending, chosen, n_chosen, normals, g, out):
                 dot = abs(normals[0, s] * normals[0, t] + normals[1, s] * normals[1, t] + normals[2, s] * normals[2, t])
                 least = dot if dot < least else least  # false for NaN
         if least < np.inf:
-            out.sector_angle[pending[chosen[c]]] = np.degrees(np.arccos(min(least, 1.0)))
+            i = pending[chosen[c]]
+            out.sector_angle[place[i] if len(place) > 0 else i] = np.degrees(np.arccos(min(least, 1.0)))
 
 
 @summing
-def _write_planes(pending, m, step, unit, sums, planes, out):
+def _write_planes(pending, m, place, step, unit, sums, planes, out):
     """Write the planes that there are; return how many points are still without one, moved to the front of `pending`."""
     left = 0
     for q in range(m):
         i = pending[q]
+        row = place[i] if len(place) > 0 else i
         if step == 0:
-            out.n_points[i] = np.int32(sums[9, q])
+            out.n_points[row] = np.int32(sums[9, q])
         if np.isnan(planes[0, q]):
             pending[left] = i
             left += 1
             continue
-        out.widened[i] = step
+        out.widened[row] = step
         for k in range(3):
-            out.normal[i, k] = planes[k, q]
+            out.normal[row, k] = planes[k, q]
         if len(out.variance) > 0:
-            out.variance[i] = planes[6, q] * unit * unit
+            out.variance[row] = planes[6, q] * unit * unit
             for k in range(3):
-                out.mean[i, k] = sums[k, q] / sums[9, q] * unit
+                out.mean[row, k] = sums[k, q] / sums[9, q] * unit
     return left
