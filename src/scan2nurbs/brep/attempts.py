@@ -129,6 +129,9 @@ def trim_part(
             break
         best = tried
     best = _loosened(best, topology, h, scale, bearable, known, fine)
+    tried = _on_mesh(best, topology, h, scale, _MARGIN * bearable * h, known, fine)
+    if tried is not None and rank(tried) < rank(best):
+        best = _loosened(tried, topology, h, scale, bearable, known, fine)
     return best, _notes(best.made.curves, best.bent, unbent, widest * h, h)
 
 
@@ -147,11 +150,7 @@ def _bent(
     faces, curves = yielding(unbent, topology, h, best.caution, _MARGIN * widest, first, known)
     shapes, bent = list(unbent), set()
     for f in faces:
-        loops = topology.loops[f]
-        lines = []
-        for loop in loops:
-            parts = [_dense(curves[k], h) for k, _ in loop]
-            lines.append(np.vstack([line if forward else line[::-1] for line, (_, forward) in zip(parts, loop, strict=True)]))
+        loops, lines = topology.loops[f], _lines(f, topology, curves, h)
         # What could not even be made holds a pole of its surface, as a narrow torus does.
         own = unbent[f] if best.made.faces[f] or f not in best.made.failures else None
         bend = _reaching(own, f, topology, lines, h, sphere_axis(unbent[f], loops, curves))
@@ -177,6 +176,36 @@ def _reaching(
         except (NoResultError, ValueError):
             continue
     return None
+
+
+def _on_mesh(best: Attempt, topology: Topology, h: float, scale: float, most: float, known: Known, fine: bool) -> Attempt | None:
+    """Try again with surfaces through the mesh for the faces that cannot stay, bent to the borders as their neighbours have them.
+
+    A surface of the wrong kind, as a cylinder for a strip that is none, may cross itself when it is bent; what the mesh shows does not.
+    """
+    left = best.left(most)
+    shapes, bent = list(best.shapes), set[int]()
+    for f in sorted(left):
+        bend = _reaching(None, f, topology, _lines(f, topology, best.made.curves, h), h, None)
+        if bend is not None:
+            shapes[f] = bend
+            bent.add(f)
+    if not bent:
+        return None
+    others = {f: why for f, why in left.items() if f not in bent}
+    around = {k for f in bent for loop in topology.loops[f] for k, _ in loop}
+    caution = tuple(2 if k in around else care for k, care in enumerate(best.caution))
+    made = trim_faces(shapes, topology, h, scale, caution, others, known, fine)
+    return Attempt(made, tuple(shapes), caution, best.bent | bent)
+
+
+def _lines(f: int, topology: Topology, curves: Sequence[BorderCurve], h: float) -> list[NDArray[np.float64]]:
+    """Return points (K, 3) along every loop of a face."""
+    lines = []
+    for loop in topology.loops[f]:
+        parts = [_dense(curves[k], h) for k, _ in loop]
+        lines.append(np.vstack([line if forward else line[::-1] for line, (_, forward) in zip(parts, loop, strict=True)]))
+    return lines
 
 
 def _dense(border: BorderCurve, h: float) -> NDArray[np.float64]:

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from scan2nurbs.brep.occ import kernel_errors, to_surface
 from scan2nurbs.brep.seam import roll
+from scan2nurbs.brep.sheets import Guide, guide_along
 from scan2nurbs.brep.wide import WideSpline
 from scan2nurbs.errors import NoResultError
 from scan2nurbs.surfaces.bspline import BSplineSurface
@@ -176,10 +178,13 @@ class SplineChart:
         Reaches as far as the face does.
     scale : float
         Kernel lengths over the model's.
+    guide : Guide, optional
+        The sheet of the surface on which feet are found.
     """
 
     surface: BSplineSurface
     scale: float
+    guide: Guide | None = None
     _wide: WideSpline = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -208,7 +213,14 @@ class SplineChart:
 
     def uv(self, points: Floats) -> Floats:
         """Return the parameters (N, 2) of the feet of points."""
-        return self._wide.parameters(points)
+        uv = self._wide.parameters(points)
+        return uv if self.guide is None else self.guide.led(self.surface, points, uv)
+
+    def guided(self, loops: Sequence[Floats], h: float) -> SplineChart:
+        """Return the same surface with feet on one sheet of it, given points along each of the loops of a face."""
+        if any(self.surface.closed) or not len(loops):
+            return self
+        return replace(self, guide=guide_along(self.surface, loops, [self._wide.parameters(loop) for loop in loops], h))
 
     def point(self, uv: Floats) -> Floats:
         """Return the points (N, 3) at parameters (N, 2), those beyond the domain drawn to its border."""

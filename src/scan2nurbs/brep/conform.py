@@ -12,7 +12,7 @@ from scipy.sparse import csr_matrix, diags, eye, kron
 from scipy.sparse.linalg import spsolve
 
 from scan2nurbs.brep.borders import BorderCurve, lay_borders, without_faces
-from scan2nurbs.brep.charts import Chart, chart_of
+from scan2nurbs.brep.charts import Chart, SplineChart, chart_of
 from scan2nurbs.brep.known import Known
 from scan2nurbs.brep.layout import unrolled
 from scan2nurbs.brep.wide import WideSpline, widened
@@ -132,6 +132,8 @@ def conformed(shape: Shape, loops: Sequence[Floats], h: float, towards: Floats |
     """
     wide: Any = widened(shape, np.vstack(loops), h)
     chart = chart_of(wide, 1.0, towards=towards)
+    if isinstance(chart, SplineChart):
+        chart = chart.guided(loops, h)
     paths, around = unrolled(chart, [chart.uv(loop) for loop in loops])
     if around[1] or (around[0] and any(pole is not None for pole in chart.poles) and len(paths) < 2):
         raise NoResultError("A surface that goes around both ways, or has a pole, cannot be bent.")

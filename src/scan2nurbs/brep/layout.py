@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from scan2nurbs.brep.borders import BorderCurve
-from scan2nurbs.brep.charts import Chart
+from scan2nurbs.brep.charts import Chart, SplineChart
 
 Floats = NDArray[np.float64]
 Path = tuple[tuple[int, bool], ...]
@@ -90,6 +90,8 @@ def lay_out(chart: Chart, loops: Sequence[Path], curves: Sequence[BorderCurve], 
     """
     around, outer = np.zeros(2, bool), False
     paths = []
+    if isinstance(chart, SplineChart):
+        chart = chart.guided([_along(loop, curves) for loop in loops], h)
     for loop in loops:
         uv = loop_uv(chart, loop, curves)
         turns = np.array([round((uv[-1, k] - uv[0, k]) / p) if p else 0 for k, p in enumerate(chart.period)])
@@ -121,11 +123,15 @@ def widest_gap(values: Floats, period: float) -> float:
 
 def loop_uv(chart: Chart, loop: Path, curves: Sequence[BorderCurve]) -> Floats:
     """Return the unwrapped parameters (K, 2) along a loop, from its start to where it comes back to it."""
+    return unwrapped(chart.uv(_along(loop, curves)), chart)
+
+
+def _along(loop: Path, curves: Sequence[BorderCurve]) -> Floats:
     points = []
     for border, forward in loop:
         at = curves[border].curve(curves[border].curve.samples(_LEAST))
         points.append(at if forward else at[::-1])
-    return unwrapped(chart.uv(np.vstack(points)), chart)
+    return np.vstack(points)
 
 
 def cuts(layout: Layout, curve: BorderCurve, h: float) -> list[float]:
