@@ -3,10 +3,13 @@ import * as THREE from "three";
 import { Cameras } from "./cameras";
 import type { Cloud } from "./cloud";
 import { FaceMesh, type Lines } from "./layers";
+import { Pace } from "./pace";
 import { Picker, type Picture } from "./picking";
 
 export type LayerName = "points" | "curves" | "surfaces" | "nets" | "model";
 const SETTLE = 180;
+/** So many points are drawn when something moves for the first time, by a graphics card or by the processor. */
+const FIRST = { card: 250_000, processor: 20_000 };
 
 export class Viewer {
   readonly canvas = document.createElement("canvas");
@@ -17,6 +20,7 @@ export class Viewer {
   readonly times: number[] = [];
   readonly layers = new Map<LayerName, { parts: (Lines | FaceMesh)[]; on: boolean; opacity: number }>();
   onDrawn: () => void = () => undefined;
+  readonly pace: Pace;
   private readonly renderer: THREE.WebGLRenderer;
   private readonly scene = new THREE.Scene();
   private readonly picker: Picker;
@@ -26,7 +30,9 @@ export class Viewer {
   private settling = 0;
 
   constructor(private readonly home: HTMLElement) {
-    this.renderer = new THREE.WebGLRenderer({ canvas: this.canvas, antialias: !software(), preserveDrawingBuffer: true });
+    const slow = software(); // smooth lines would cost too much then
+    this.pace = new Pace(slow ? FIRST.processor : FIRST.card);
+    this.renderer = new THREE.WebGLRenderer({ canvas: this.canvas, antialias: !slow });
     this.renderer.setClearColor(0x10161d, 1);
     this.picker = new Picker(this.renderer);
     this.canvas.tabIndex = 0;
@@ -88,7 +94,7 @@ export class Viewer {
     if (!pointsOnly) {
       for (const { parts } of this.layers.values()) for (const part of parts) if (part instanceof FaceMesh && part.object.visible) objects.push(part.picked);
     }
-    this.cloud?.draw(false);
+    this.cloud?.draw(Infinity);
     this.prepare();
     if (this.cloud) Object.assign(this.cloud.picked.material.uniforms["scale"]!, { value: this.cameras.pixels });
     return this.picker.take(objects, this.cameras.current, this.width, this.height);
@@ -106,13 +112,13 @@ export class Viewer {
   render(): void {
     const start = performance.now();
     const moving = start < this.movingUntil;
-    this.cloud?.draw(moving);
+    this.cloud?.draw(moving ? this.pace.points : Infinity);
     this.prepare();
     this.renderer.render(this.scene, this.cameras.current);
     this.times.push(performance.now() - start);
     if (this.times.length > 200) this.times.shift();
     this.onDrawn();
-    if (moving && this.lastMoving > 0) this.cloud?.adapt(start - this.lastMoving);
+    if (moving && this.lastMoving > 0) this.pace.took(start - this.lastMoving, this.cloud?.n ?? 0);
     this.lastMoving = moving ? start : 0;
     if (moving) this.settleLater();
   }
@@ -161,7 +167,7 @@ export class Viewer {
   }
 }
 
-/** Whether pictures are drawn by the processor: smooth lines would cost too much then. */
+/** Whether pictures are drawn by the processor. */
 function software(): boolean {
   const gl = document.createElement("canvas").getContext("webgl2");
   const info = gl?.getExtension("WEBGL_debug_renderer_info");
