@@ -2,9 +2,11 @@
 import { fill, h, number } from "../dom";
 import { css, rampColour } from "./colours";
 
+const GREY = [115, 135, 153];
+
 export class Legend {
   readonly element = h("div", { class: "legend" });
-  private readonly canvas = h("canvas", { width: 200, height: 12 });
+  private readonly canvas = h("canvas", { width: 200, height: 1 });
   private shown = "";
 
   hide(): void {
@@ -13,12 +15,12 @@ export class Legend {
   }
 
   ramp(title: string, ramp: string, low: number, high: number, unit: string, mark?: number): void {
-    const pen = this.canvas.getContext("2d")!;
+    const picture = new ImageData(200, 1);
     for (let x = 0; x < 200; x++) {
       const value = low + ((high - low) * x) / 199;
-      pen.fillStyle = mark !== undefined && value <= mark ? "#738799" : css(rampColour(ramp, x / 199));
-      pen.fillRect(x, 0, 1, 12);
+      picture.data.set([...(mark !== undefined && value <= mark ? GREY : rampColour(ramp, x / 199)), 255], 4 * x);
     }
+    this.canvas.getContext("2d")!.putImageData(picture, 0, 0);
     const key = JSON.stringify([title, low, high, unit]);
     if (this.shown === key) return; // while a slider moves, only the picture changes
     const ticks = [low, (low + high) / 2, high].map((value) => h("span", {}, number(value)));

@@ -24,15 +24,19 @@ export class Viewer {
   private readonly renderer: THREE.WebGLRenderer;
   private readonly scene = new THREE.Scene();
   private readonly picker: Picker;
+  private readonly slow: boolean;
+  private coarse = false;
   private waiting = false;
   private lastMoving = 0;
   private movingUntil = 0;
   private settling = 0;
 
   constructor(private readonly home: HTMLElement) {
-    const slow = software(); // smooth lines would cost too much then
-    this.pace = new Pace(slow ? FIRST.processor : FIRST.card);
-    this.renderer = new THREE.WebGLRenderer({ canvas: this.canvas, antialias: !slow });
+    this.slow = software();
+    this.pace = new Pace(this.slow ? FIRST.processor : FIRST.card);
+    // A picture that nothing shines through is put on the page sooner; smooth lines cost a processor too much.
+    const context = this.canvas.getContext("webgl2", { alpha: false, antialias: !this.slow, powerPreference: "high-performance" });
+    this.renderer = new THREE.WebGLRenderer({ canvas: this.canvas, ...(context && { context }) });
     this.renderer.setClearColor(0x10161d, 1);
     this.picker = new Picker(this.renderer);
     this.canvas.tabIndex = 0;
@@ -113,6 +117,8 @@ export class Viewer {
     const start = performance.now();
     const moving = start < this.movingUntil;
     this.cloud?.draw(moving ? this.pace.points : Infinity);
+    // Where the processor draws, a movement that leaves points out is drawn with half as many pixels each way: as large, half the work.
+    if (!moving || this.lastMoving === 0) this.sharpen(!(moving && this.slow && this.pace.points < (this.cloud?.n ?? 0)));
     this.prepare();
     this.renderer.render(this.scene, this.cameras.current);
     this.times.push(performance.now() - start);
@@ -151,8 +157,15 @@ export class Viewer {
     this.touch();
   }
 
+  private sharpen(sharp: boolean): void {
+    this.coarse = !sharp;
+    const ratio = Math.min(window.devicePixelRatio, 2) * (sharp ? 1 : 0.5);
+    if (this.renderer.getPixelRatio() !== ratio) this.renderer.setPixelRatio(ratio);
+  }
+
   private prepare(): void {
     if (!this.cloud) return;
+    this.cloud.uniforms.least.value = this.coarse ? 1 : 1.5;
     this.cloud.uniforms.scale.value = this.cameras.pixels * this.renderer.getPixelRatio();
     this.cloud.uniforms.perspective.value = this.cameras.isPerspective;
     this.cloud.uniforms.palette.value = this.palette.palette.value;
@@ -160,7 +173,7 @@ export class Viewer {
   }
 
   private resize(): void {
-    this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
+    this.sharpen(!this.coarse);
     this.renderer.setSize(this.width, this.height);
     this.cameras.resize(this.width, this.height);
     this.draw();
