@@ -5,7 +5,7 @@
 from the root of the checkout; needs the extras ``studio`` and ``test`` and a Chromium. The cloud is the blocky part of `benchmarks.clouds`.
 Without a graphics card Chromium draws with SwiftShader, on the processor; the picture's renderer and the machine's load are printed beside
 the figures, since both decide them. A frame is timed from its start until the picture can be read back. Frames a second are those that are
-drawn while the view turns, or a slider moves, a little before each of them, beginning with a page that has not learnt how fast it draws.
+drawn while the view turns, or a slider moves, a little before each of them; the first time the page has not yet learnt how fast it draws.
 """
 
 from __future__ import annotations
@@ -36,8 +36,11 @@ RENDERER = """() => {
 }"""
 FRAMES = """([moving, n]) => {
   const { viewer } = window.studio;
+  const learnt = viewer.pace.points;
   if (moving) viewer.pace.points = moving;
-  return Array.from({ length: n }, () => viewer.measure(moving > 0));
+  const times = Array.from({ length: n }, () => viewer.measure(moving > 0));
+  viewer.pace.points = learnt;
+  return times;
 }"""
 SLIDER = """(n) => Array.from({ length: n }, (_, k) => {
   const start = performance.now();

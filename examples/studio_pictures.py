@@ -43,7 +43,9 @@ class Photographer:
     def done(self, step: str) -> None:
         wait(self.page, f"studio.store.status('{step}') === 'current' && studio.store.state.running === null")
 
-    def take(self, name: str) -> None:
+    def take(self, name: str, *, drawing: bool = False) -> None:
+        if not drawing:
+            self.page.mouse.move(SIZE["width"] - 4, SIZE["height"] // 2)  # nothing is pointed at
         self.page.wait_for_timeout(600)  # until all points are drawn
         self.page.screenshot(path=self.folder / f"{name}.png")
 
@@ -57,7 +59,7 @@ class Photographer:
         for place in places[1:]:
             self.page.mouse.move(*place, steps=6)
         if name is not None:
-            self.take(name)
+            self.take(name, drawing=True)
         self.page.mouse.up()
 
 
