@@ -37,13 +37,16 @@ class Photographer:
         self.page, self.folder = page, folder
 
     def go_on(self, step: str) -> None:
+        """Press the blue button, and wait for the step."""
         self.page.click("#next")
         self.done(step)
 
     def done(self, step: str) -> None:
+        """Wait until a step is done and nothing is computed."""
         wait(self.page, f"studio.store.status('{step}') === 'current' && studio.store.state.running === null")
 
     def take(self, name: str, *, drawing: bool = False) -> None:
+        """Photograph the page, with the pointer out of the way unless it draws."""
         if not drawing:
             self.page.mouse.move(SIZE["width"] - 4, SIZE["height"] // 2)  # nothing is pointed at
         self.page.wait_for_timeout(600)  # until all points are drawn

@@ -19,6 +19,9 @@ from studio_server import Studio, hear, is_current, say
 from studio_taken import read_back, taken_away
 
 
+READ_ANEW = {"reading the scan", "measuring"}
+
+
 @pytest.fixture
 def scan(tmp_path) -> Path:
     return studio_server.small_part(tmp_path / "step.ply", step=0.4)
@@ -50,14 +53,7 @@ def test_corrections_survive_a_kill_and_give_the_file_of_the_command_line(scan, 
         say(page, "Compute", until="faces")
         state = hear(page, "State", is_current("faces"))
         n_faces = int(figures(state, "faces")["Faces"])
-        edit(page, face={"split": {"face": 0, "boxes": [{"min": [None, None, None], "max": [56, None, None]}]}})
-        split = hear(page, "State", lambda state: len(state["edits"]) == 1 and is_current("faces")(state))
-        assert int(figures(split, "faces")["Faces"]) == n_faces + 1
-        seen = hear(other, "State", lambda state: len(state["edits"]) == 1 and is_current("faces")(state))
-        assert seen["edits"] == split["edits"]
-        say(other, "Undo")
-        undone = hear(page, "State", lambda state: state["can_redo"] and is_current("faces")(state))
-        assert int(figures(undone, "faces")["Faces"]) == n_faces
+        split_and_undo(page, other, n_faces)
         say(page, "Redo")
         hear(page, "State", lambda state: not state["can_redo"] and is_current("faces")(state))
         edit(page, boundary={"drop": {"indices": [1, 2, 3]}})
@@ -75,7 +71,7 @@ def test_corrections_survive_a_kill_and_give_the_file_of_the_command_line(scan, 
         with studio.page() as page:
             state, stages = watched(page, "faces")
             assert [entry["done"] for entry in state["edits"]] == [True] * 4
-            assert stages <= {"reading the scan", "measuring", "relating surfaces", "finding borders"}  # the last two it may not have reached
+            assert stages <= {*READ_ANEW, "relating surfaces", "finding borders"}  # the last two it may not have reached
             assert result(state, "faces") == result(before, "faces")
             assert state["reached"] in ("faces", "surfaces", "model")
             say(page, "Export", kind="step")
@@ -100,6 +96,18 @@ def test_corrections_survive_a_kill_and_give_the_file_of_the_command_line(scan, 
     assert record["parameters"]["relations"]["kinds"] == ["parallel"]
 
 
+def split_and_undo(page, other, n_faces: int) -> None:
+    """Split a face on one page, and undo it on another."""
+    edit(page, face={"split": {"face": 0, "boxes": [{"min": [None, None, None], "max": [56, None, None]}]}})
+    split = hear(page, "State", lambda state: len(state["edits"]) == 1 and is_current("faces")(state))
+    assert int(figures(split, "faces")["Faces"]) == n_faces + 1
+    seen = hear(other, "State", lambda state: len(state["edits"]) == 1 and is_current("faces")(state))
+    assert seen["edits"] == split["edits"]
+    say(other, "Undo")
+    undone = hear(page, "State", lambda state: state["can_redo"] and is_current("faces")(state))
+    assert int(figures(undone, "faces")["Faces"]) == n_faces
+
+
 def test_a_studio_that_starts_again_shows_what_was_computed(scan):
     studio = Studio(scan)
     with studio.page() as page:
@@ -112,7 +120,7 @@ def test_a_studio_that_starts_again_shows_what_was_computed(scan):
     try:
         with studio.page() as page:
             after, stages = watched(page, "model")
-            assert stages <= {"reading the scan", "measuring"}  # the scan is read anew, all else was kept
+            assert stages <= READ_ANEW  # all else was kept
             assert after["steps"][:5] == [{**entry, "result": kept(entry, after)} for entry in before["steps"][:5]]
             edit(page, set={"stage": "topology", "name": "reach", "value": 2.6})
             changed = hear(page, "State", is_current("surfaces"))
@@ -121,7 +129,7 @@ def test_a_studio_that_starts_again_shows_what_was_computed(scan):
         studio = Studio(scan)
         with studio.page() as page:
             again, stages = watched(page, "surfaces")
-            assert stages <= {"reading the scan", "measuring"}
+            assert stages <= READ_ANEW
             assert result(again, "surfaces") == result(changed, "surfaces")
             assert result(again, "model") is None  # it does not follow from these borders, and nobody asked for another
     finally:

@@ -148,7 +148,8 @@ export class Viewer {
 
   /** Something moves: draw as many points as can be drawn smoothly, and all of them once it rests. */
   touch(): void {
-    this.movingUntil = performance.now() + SETTLE;
+    // A processor takes seconds for the millions of points of a whole picture, in which nothing moves: it is sure first that all rests.
+    this.movingUntil = performance.now() + Math.max(SETTLE, this.slow ? (this.cloud?.n ?? 0) / 1500 : 0);
     this.draw();
   }
 
