@@ -96,6 +96,7 @@ def spread(milliseconds: list[float]) -> str:
 
 def moving(page: Any, what: str) -> str:
     """Move something for some seconds; write how many frames were drawn a second, and of how many points in the end."""
+    page.wait_for_timeout(2500)
     page.evaluate(FRAMES, [0, 1])  # all that was to be drawn before is drawn
     rate, points = page.evaluate(MOVE, [what, SECONDS])
     return f"{rate:.0f} frames a second, in the end of {points:,} points"

@@ -18,7 +18,6 @@ from scan2nurbs.studio.frames import unpack
 from studio_server import Studio, hear, is_current, say
 from studio_taken import read_back, taken_away
 
-
 READ_ANEW = {"reading the scan", "measuring"}
 
 
