@@ -1,10 +1,11 @@
-"""Measure the studio's page on a large cloud: bytes on the wire, the time of a frame, of a move of a slider, and of edges.
+"""Measure the studio's page on a large cloud: bytes on the wire, frames a second, the time of a frame, of a move of a slider, of edges.
 
     python -m benchmarks.studio [--points N] [--frames N] [--chromium PATH]
 
 from the root of the checkout; needs the extras ``studio`` and ``test`` and a Chromium. The cloud is the blocky part of `benchmarks.clouds`.
 Without a graphics card Chromium draws with SwiftShader, on the processor; the picture's renderer and the machine's load are printed beside
-the figures, since both decide them. A frame is timed from its start until the picture can be read back.
+the figures, since both decide them. A frame is timed from its start until the picture can be read back. Frames a second are those that are
+drawn while the view turns, or a slider moves, a little before each of them; the first time the page has not yet learnt how fast it draws.
 """
 
 from __future__ import annotations
@@ -25,7 +26,8 @@ from typing import Any
 from benchmarks.clouds import random_cloud
 from scan2nurbs.io import write_points
 
-COUNTS = (250_000, 100_000, 50_000, 20_000)
+COUNTS = (250_000, 100_000, 50_000, 20_000, 3_000)
+SECONDS = 3
 ARGUMENTS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 STUDIO = "from scan2nurbs.cli.main import main; main()"
 RENDERER = """() => {
@@ -34,14 +36,38 @@ RENDERER = """() => {
 }"""
 FRAMES = """([moving, n]) => {
   const { viewer } = window.studio;
-  if (moving) viewer.cloud.moving = moving;
-  return Array.from({ length: n }, () => viewer.measure(moving > 0));
+  const learnt = viewer.pace.points;
+  if (moving) viewer.pace.points = moving;
+  const times = Array.from({ length: n }, () => viewer.measure(moving > 0));
+  viewer.pace.points = learnt;
+  return times;
 }"""
 SLIDER = """(n) => Array.from({ length: n }, (_, k) => {
   const start = performance.now();
   window.studio.sync.live(12 + (k % 40), 0.4);
   return performance.now() - start;
 })"""
+MOVE = """async ([what, seconds]) => {
+  const { viewer } = window.studio;
+  const { controls } = viewer.cameras;
+  const slider = document.getElementById('threshold');
+  const turn = () => controls.update();
+  const slide = (k) => ((slider.value = String(12 + (k % 40))), slider.dispatchEvent(new Event('input')));
+  const drawn = viewer.onDrawn;
+  let [frames, k] = [0, 0];
+  viewer.onDrawn = () => (drawn(), frames++);
+  Object.assign(controls, { autoRotate: what === 'turn', autoRotateSpeed: 10 });
+  const start = performance.now();
+  while (performance.now() < start + 1000 * seconds) {
+    (what === 'turn' ? turn : slide)(k++);
+    await new Promise(requestAnimationFrame);
+  }
+  controls.autoRotate = false;
+  viewer.onDrawn = drawn;
+  const gl = document.querySelector('main canvas').getContext('webgl2');
+  gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4)); // until the last one is drawn
+  return [(1000 * frames) / (performance.now() - start), Math.min(viewer.pace.points, viewer.cloud.n)];
+}"""
 
 
 @contextmanager
@@ -68,6 +94,14 @@ def spread(milliseconds: list[float]) -> str:
     return f"{middle:.3g} ms ({low:.3g} to {high:.3g})"
 
 
+def moving(page: Any, what: str) -> str:
+    """Move something for some seconds; write how many frames were drawn a second, and of how many points in the end."""
+    page.wait_for_timeout(2500)
+    page.evaluate(FRAMES, [0, 1])  # all that was to be drawn before is drawn
+    rate, points = page.evaluate(MOVE, [what, SECONDS])
+    return f"{rate:.0f} frames a second, in the end of {points:,} points"
+
+
 def measure(page: Any, address: str, frames: int) -> list[tuple[str, str]]:
     """Lead the page to its edges, and return what was measured, in words and figures."""
     rows: list[tuple[str, str]] = []
@@ -78,6 +112,7 @@ def measure(page: Any, address: str, frames: int) -> list[tuple[str, str]]:
     rows.append(("points", f"{points:,}"))
     rows.append(("on the wire until the cloud is seen", f"{cloud / 1e6:.1f} MB ({cloud / points:.1f} bytes a point)"))
     page.evaluate(FRAMES, [0, 1])  # compiles the shaders
+    rows.append((f"the view turns for {SECONDS} s", moving(page, "turn")))
     rows.append(("a frame with all points", spread(page.evaluate(FRAMES, [0, frames]))))
     for count in COUNTS:
         rows.append((f"a frame of {count:,} points", spread(page.evaluate(FRAMES, [count, 3 * frames]))))
@@ -87,6 +122,8 @@ def measure(page: Any, address: str, frames: int) -> list[tuple[str, str]]:
     rows.append(("from the click to edges and curves", f"{time.perf_counter() - start:.1f} s"))
     rows.append(("with edges", f"{(page.evaluate('studio.bytes()') - cloud) / 1e6:.1f} MB more"))
     rows.append(("a move of the threshold's slider, the page's part", spread(page.evaluate(SLIDER, 60))))
+    rows.append((f"the threshold's slider moves for {SECONDS} s", moving(page, "slide")))
+    rows.append((f"the view turns for {SECONDS} s, coloured by strength", moving(page, "turn")))
     rows.append(("a frame of 20,000 points coloured by strength", spread(page.evaluate(FRAMES, [20_000, 3 * frames]))))
     return rows
 

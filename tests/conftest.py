@@ -1,4 +1,4 @@
-"""One hypothesis profile for all tests, and the fixtures of the tests of reading.
+"""One hypothesis profile for all tests, the fixtures of the tests of reading, and the browser of those of the studio.
 
 The profile has no deadline, since kernels compile on their first call, and the same examples in every run.
 """
@@ -37,3 +37,18 @@ def read(tmp_path):
         return read_scan(path)
 
     return read
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """Run a Chromium; it ends with the file, since other tests run event loops of their own."""
+    from studio_person import ARGUMENTS, CHROMIUM
+
+    playwright_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    pytest.importorskip("starlette", reason="the studio is an extra")
+    if CHROMIUM is None:
+        pytest.skip("there is no Chromium on this machine")
+    with playwright_api.sync_playwright() as playwright:
+        running = playwright.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
+        yield running
+        running.close()

@@ -11,8 +11,7 @@ const named = (element, text) =>
   `${element.tagName.toLowerCase()}${element.id ? '#' + element.id : ''}.${element.className}: ${text.trim().slice(0, 40)}`;
 """
 
-_CONTRAST = """(root) => {
-%s
+_COLOURS = """
 const parsed = (text) => {
   const numbers = text.match(/[\\d.]+/g).map(Number);
   return { rgb: numbers.slice(0, 3), alpha: numbers.length > 3 ? numbers[3] : 1 };
@@ -38,6 +37,10 @@ const grounds = (element) => {
   }
   return [upon([255, 255, 255])];
 };
+"""
+
+_CONTRAST = """(root) => {
+%s
 const faint = [];
 let read = 0;
 const judge = (element, style, text) => {
@@ -61,7 +64,24 @@ for (const field of document.querySelector(root).querySelectorAll('input, select
   else if (!['checkbox', 'range', 'file'].includes(field.type)) judge(field, getComputedStyle(field), field.value || 'empty');
 }
 return { read, faint };
-}""".replace("%s", _COMMON)
+}""".replace("%s", _COMMON + _COLOURS)
+
+_DRAWN = """([selector, textFrom]) => {
+%s
+const canvas = document.querySelector(selector);
+const { width, height } = canvas;
+const pen = Object.assign(document.createElement('canvas'), { width, height }).getContext('2d', { willReadFrequently: true });
+pen.drawImage(canvas, 0, 0);
+const { data } = pen.getImageData(0, 0, width, height);
+const [ground] = grounds(canvas);
+const found = { marks: [], texts: [] };
+for (let k = 0; k < width * height; k++) {
+  if (data[4 * k + 3] < 128) continue; // the soft border of a sign
+  const kind = k >= width * (height - textFrom) ? 'texts' : 'marks';
+  found[kind].push(ratio([...data.subarray(4 * k, 4 * k + 3)], ground));
+}
+return Object.fromEntries(Object.entries(found).map(([kind, ratios]) => [kind, Math.min(...ratios)]));
+}""".replace("%s", _COMMON + _COLOURS)
 
 _PLACES = """() => {
 %s
@@ -101,6 +121,21 @@ def faint_texts(page: Any, root: str = "body") -> list[str]:
     found = page.evaluate(_CONTRAST, root)
     assert found["read"] > 0, f"there is no text in {root}"
     return found["faint"]
+
+
+def drawn_contrasts(page: Any, selector: str, text_from: int) -> dict[str, float]:
+    """Return the least contrast that what is drawn on a canvas has to what lies under it, of marks, and of the texts below them.
+
+    Parameters
+    ----------
+    page
+        Of Playwright.
+    selector : str
+        Of the canvas.
+    text_from : int
+        So many rows of pixels at the bottom hold text.
+    """
+    return page.evaluate(_DRAWN, [selector, text_from])
 
 
 def misplaced(page: Any) -> list[str]:

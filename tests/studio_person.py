@@ -32,11 +32,19 @@ class Person:
         self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
         self.page.goto(url)
 
+    def settle(self) -> None:
+        """Wait until what was done is drawn."""
+        self.page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
     def picture(self) -> np.ndarray:
         from matplotlib.image import imread
 
-        self.page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+        self.settle()
         return np.asarray(imread(io.BytesIO(self.page.locator("main canvas").first.screenshot())))[..., :3]
+
+    def n_colours(self) -> int:
+        """Return how many colours the picture has, told apart by a sixteenth of each channel."""
+        return len(np.unique((self.picture() * 16).astype(int) @ [1, 100, 10_000]))
 
     def wait(self, condition: str) -> None:
         for _ in range(600):  # the page's policy forbids what wait_for_function does
@@ -60,6 +68,6 @@ class Person:
         self.page.mouse.move(*places[0])
         self.page.mouse.down()
         for place in [*places[1:], places[0]]:
-            self.page.mouse.move(*place, steps=6)
+            self.page.mouse.move(*place, steps=2)
         self.page.mouse.up()
         return self.page.evaluate("studio.selection.count")

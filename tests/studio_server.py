@@ -76,7 +76,9 @@ class Studio:
         """Open a WebSocket as the page does."""
         from websockets.sync.client import connect
 
+        # A page that did not read all that was sent, of a studio that was killed, would wait ten seconds for the other's farewell.
         options = {"origin": self.origin, "additional_headers": {"Cookie": self.cookie() if cookie is None else cookie}, "max_size": None}
+        options["close_timeout"] = 0.5
         return connect(f"ws://{self.host}/ws", **(options | more))
 
     def kill(self) -> None:

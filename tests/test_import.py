@@ -35,6 +35,11 @@ def test_importing_the_package_costs_nothing():
     assert done.stdout.strip() == "[]", done.stderr
 
 
+def test_no_process_waits_for_the_slowest_of_scipy():
+    done = python("import sys, scan2nurbs.part, scan2nurbs.pipeline; print('scipy.stats' in sys.modules)")
+    assert done.stdout.strip() == "False", done.stderr
+
+
 @pytest.mark.parametrize("name", scan2nurbs.__all__)
 def test_every_public_name_is_there(name):
     assert getattr(scan2nurbs, name) is not None

@@ -7,33 +7,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-playwright_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-pytest.importorskip("starlette", reason="the studio is an extra")
-
-import studio_server  # noqa: E402
-from scan2nurbs.cli.main import main  # noqa: E402
-from studio_looks import faint_texts, misplaced  # noqa: E402
-from studio_person import ARGUMENTS, CHROMIUM, Person  # noqa: E402
-from studio_server import Studio  # noqa: E402
-
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium on this machine")
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with playwright_api.sync_playwright() as playwright:
-        running = playwright.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
-        yield running
-        running.close()
+import studio_server
+from scan2nurbs.cli.main import main
+from studio_looks import faint_texts
+from studio_person import Person
+from studio_server import Studio
 
 
 @pytest.fixture
 def studio(tmp_path):
-    running = Studio(studio_server.small_part(tmp_path / "step.ply", step=0.36))
+    running = Studio(studio_server.small_part(tmp_path / "step.ply", step=0.45))
     yield running
     running.stop()
 
 
+STAYS = "(() => { const old = document.getElementById('cancel'); studio.store.tell('progress'); return old.isConnected; })()"
 RELATIONS_MADE = "Number(studio.store.result('surfaces').figures.find((figure) => figure.label.startsWith('Relations')).value)"
 
 
@@ -62,6 +50,7 @@ def test_from_a_scan_to_a_step_file(browser, studio, tmp_path):
     person.go_on("faces")
     other = Person(context, studio.origin)  # a second tab
     other.done("faces")
+    person.page.bring_to_front()  # a tab behind another one draws once a second
     split_a_face(person, other)
     give_a_tolerance(person)
     delete_faces_and_undo_once(person)
@@ -90,7 +79,7 @@ def test_from_a_scan_to_a_step_file(browser, studio, tmp_path):
 
 def move_the_threshold(person: Person) -> None:
     page, before = person.page, person.picture()
-    assert len(np.unique((before * 16).astype(int).reshape(-1, 3), axis=0)) > 20
+    assert person.n_colours() > 20
     page.evaluate("const s = document.getElementById('threshold'); s.value = '89'; s.dispatchEvent(new Event('input'))")
     assert page.evaluate("studio.store.state.edits.length") == 0  # nothing is sent while the slider moves
     page.wait_for_timeout(400)
@@ -190,86 +179,9 @@ def choose_relations(person: Person) -> None:
     person.done("surfaces")
 
 
-@pytest.mark.parametrize("width", [1280, 1024])
-def test_every_step_can_be_read_and_used(browser, tmp_path, width):
-    """Every text with enough contrast, every control in its place, from the first step to the last."""
-    studio = Studio(studio_server.small_part(tmp_path / "step.ply", step=0.5))
-    try:
-        context = browser.new_context(viewport={"width": width, "height": 720})
-        person = Person(context, studio.url)
-        page = person.page
-        person.done("scan")
-        person.wait("studio.viewer.cloud !== null")
-        page.click("#tool-lasso")
-        page.keyboard.press("p")
-        page.click("#step-model")
-        page.click("#compute")
-        page.wait_for_selector("#cancel")
-        assert [*faint_texts(page), *misplaced(page)] == []
-        person.done("model")
-        for step in ("scan", "edges", "faces", "surfaces", "model", "export"):
-            page.click(f"#step-{step}")
-            for summary in page.locator("details:not([open]) summary").all():
-                summary.click()
-            for colour in page.locator("#colouring option:not([disabled])").all():
-                page.select_option("#colouring", colour.get_attribute("value"))
-                assert faint_texts(page, ".stage") == [], step
-            assert [*faint_texts(page), *misplaced(page)] == [], step
-        see_troubles(person)
-        page.evaluate("Object.assign(document.getElementById('fit').style, { color: '#555', position: 'fixed', left: '-20px' })")
-        assert "button#fit" in faint_texts(page)[0]  # what is wrong would be found
-        assert "button#fit" in misplaced(page)[0]
-        assert person.complaints == []
-        context.close()
-    finally:
-        studio.stop()
-
-
-def see_troubles(person: Person) -> None:
-    page = person.page
-    page.click("#step-faces")
-    page.click("button.face >> nth=0")
-    page.fill("[id='field-segment.max_faces']", "-5")
-    page.keyboard.press("Enter")
-    page.wait_for_selector(".toast")
-    assert faint_texts(page) == []
-    page.evaluate("studio.store.send({ type: 'Edit', edit: { face: { merge: [0, 777] } } })")
-    page.wait_for_selector(".trouble")
-    assert faint_texts(page) == []
-    page.click("#undo")
-    person.done("faces")
-    assert faint_texts(page) == []  # the list has what was undone
-    page.click("#help")
-    assert faint_texts(page, "dialog") == []
-    page.keyboard.press("Escape")
-
-
-def test_the_control_net_of_a_face_is_seen_over_it(browser, studio):
-    context = browser.new_context(viewport={"width": 1280, "height": 720})
-    person = Person(context, studio.url)
-    page = person.page
-    person.done("scan")
-    person.go_on("edges")
-    person.go_on("faces")
-    page.click("button.face >> nth=0")
-    page.select_option("#face-kind", label="bspline (NURBS)")
-    page.wait_for_selector("button.face:has-text('bspline_0')", timeout=60_000)
-    person.done("faces")
-    page.wait_for_selector("p:has-text('control points')")
-    person.go_on("surfaces")
-    before = person.picture()
-    page.check("#layer-nets")
-    net = person.picture() - before
-    green = (net[..., 1] > 0.2) & (net[..., 1] > net[..., 0] + 0.1)
-    assert green.sum() > 100
-    assert green.any(axis=0).sum() > 50  # no dot: a net
-    assert person.complaints == []
-    context.close()
-
-
 def test_a_person_who_begins_with_nothing_is_led(browser, tmp_path):
     """A file that is no scan, a scan, a change that cannot be done, a stop, a second tab, a studio that is started again."""
-    scan = studio_server.small_part(tmp_path / "step.ply", step=0.36)
+    scan = studio_server.small_part(tmp_path / "step.ply", step=0.45)
     (tmp_path / "bad.ply").write_text("no scan\n" * 30)
     (home := tmp_path / "home").mkdir()
     studio = Studio(cwd=home)
@@ -283,7 +195,7 @@ def test_a_person_who_begins_with_nothing_is_led(browser, tmp_path):
         page.set_input_files("#scan-file", str(scan))
         person.done("scan")
         person.wait("studio.viewer.cloud !== null && studio.sync.colouring === 'height'")
-        assert len(np.unique((person.picture() * 16).astype(int).reshape(-1, 3), axis=0)) > 50  # its shape is seen
+        assert person.n_colours() > 50  # its shape is seen
         assert page.locator(".legend").is_visible()
         person.go_on("edges")
         person.go_on("faces")
@@ -330,6 +242,8 @@ def test_stopping_says_so_and_a_refused_value_goes_away(browser, studio):
     person.done("scan")
     page.click("#step-model")
     page.click("#compute")
+    page.wait_for_selector("#cancel")
+    assert page.evaluate(STAYS)  # what is replaced while it is pressed is not clicked
     page.click("#cancel")
     page.wait_for_selector("text=Stopped. What was done before is kept.")
     page.wait_for_selector("#compute:enabled")

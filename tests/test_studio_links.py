@@ -1,4 +1,4 @@
-"""Links that somebody put into a project: the studio writes nothing behind them."""
+"""Links that somebody put into a project: the studio neither reads nor writes behind them."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from scan2nurbs.errors import OutputError
+from scan2nurbs.errors import InputError, OutputError
 from scan2nurbs.studio.lock import FILE as LOCK
 from scan2nurbs.studio.lock import lock_project
 from scan2nurbs.studio.messages import Export
-from scan2nurbs.studio.project import EXPORTS, FILE, Project, create_project
+from scan2nurbs.studio.project import EXPORTS, FILE, Project, create_project, open_project
 from scan2nurbs.studio.session import Session
 
 EDIT = {"set": {"stage": "edges", "name": "threshold", "value": 15}}
@@ -36,9 +36,21 @@ def test_the_project_is_not_written_through_a_link(project, tmp_path):
     assert (project.folder / FILE).is_symlink()
 
 
+def test_the_project_is_not_read_through_a_link(project, tmp_path):
+    (project.folder / FILE).rename(tmp_path / "outside.json")
+    (project.folder / FILE).symlink_to(tmp_path / "outside.json")
+    for read in (lambda: open_project(project.folder), lambda: create_project(project.scan, project.folder)):
+        with pytest.raises(InputError, match=r"project\.json is one"):
+            read()
+    (project.folder / FILE).unlink()
+    (tmp_path / "outside.json").rename(project.folder / FILE)
+    assert open_project(project.folder) == project
+
+
 def test_a_project_may_be_reached_through_a_link(project, tmp_path):
     (tmp_path / "link").symlink_to(project.folder)
     create_project(project.scan, tmp_path / "link").with_edit(EDIT).save()
+    assert open_project(tmp_path / "link").edits == (EDIT,)
     assert json.loads((project.folder / FILE).read_text())["edits"] == [EDIT]
 
 

@@ -18,10 +18,20 @@ from scan2nurbs.studio.frames import unpack
 from studio_server import Studio, hear, is_current, say
 from studio_taken import read_back, taken_away
 
+READ_ANEW = {"reading the scan", "measuring"}
+
 
 @pytest.fixture
 def scan(tmp_path) -> Path:
     return studio_server.small_part(tmp_path / "step.ply", step=0.4)
+
+
+@pytest.fixture(scope="module")
+def running(tmp_path_factory):
+    """A studio that nobody asked for anything but the scan, or what another test did."""
+    running = Studio(studio_server.small_part(tmp_path_factory.mktemp("running") / "step.ply", step=0.5))
+    yield running
+    running.stop()
 
 
 def figures(state: dict, step: str) -> dict[str, str]:
@@ -42,14 +52,7 @@ def test_corrections_survive_a_kill_and_give_the_file_of_the_command_line(scan, 
         say(page, "Compute", until="faces")
         state = hear(page, "State", is_current("faces"))
         n_faces = int(figures(state, "faces")["Faces"])
-        edit(page, face={"split": {"face": 0, "boxes": [{"min": [None, None, None], "max": [56, None, None]}]}})
-        split = hear(page, "State", lambda state: len(state["edits"]) == 1 and is_current("faces")(state))
-        assert int(figures(split, "faces")["Faces"]) == n_faces + 1
-        seen = hear(other, "State", lambda state: len(state["edits"]) == 1 and is_current("faces")(state))
-        assert seen["edits"] == split["edits"]
-        say(other, "Undo")
-        undone = hear(page, "State", lambda state: state["can_redo"] and is_current("faces")(state))
-        assert int(figures(undone, "faces")["Faces"]) == n_faces
+        split_and_undo(page, other, n_faces)
         say(page, "Redo")
         hear(page, "State", lambda state: not state["can_redo"] and is_current("faces")(state))
         edit(page, boundary={"drop": {"indices": [1, 2, 3]}})
@@ -59,14 +62,17 @@ def test_corrections_survive_a_kill_and_give_the_file_of_the_command_line(scan, 
         assert state["values"]["relations.kinds"] == ["parallel"]
         assert state["values"]["relations.relations"] is True
         say(page, "Compute", until="model")
-        hear(page, "State", lambda state: state["running"] == "model")
+        before = hear(page, "State", lambda state: is_current("faces")(state) and state["running"] == "model")
         studio.kill()  # in the middle of a computation
 
     studio = Studio(scan)
     try:
         with studio.page() as page:
-            state = hear(page, "State")
+            state, stages = watched(page, "faces")
             assert [entry["done"] for entry in state["edits"]] == [True] * 4
+            assert stages <= {*READ_ANEW, "relating surfaces", "finding borders"}  # the last two it may not have reached
+            assert result(state, "faces") == result(before, "faces")
+            assert state["reached"] in ("faces", "surfaces", "model")
             say(page, "Export", kind="step")
             state = hear(page, "State", lambda state: bool(state["files"]) and state["running"] is None)
             assert (state["files"][0]["name"], state["files"][0]["current"]) == ("step.step", True)
@@ -89,6 +95,18 @@ def test_corrections_survive_a_kill_and_give_the_file_of_the_command_line(scan, 
     assert record["parameters"]["relations"]["kinds"] == ["parallel"]
 
 
+def split_and_undo(page, other, n_faces: int) -> None:
+    """Split a face on one page, and undo it on another."""
+    edit(page, face={"split": {"face": 0, "boxes": [{"min": [None, None, None], "max": [56, None, None]}]}})
+    split = hear(page, "State", lambda state: len(state["edits"]) == 1 and is_current("faces")(state))
+    assert int(figures(split, "faces")["Faces"]) == n_faces + 1
+    seen = hear(other, "State", lambda state: len(state["edits"]) == 1 and is_current("faces")(state))
+    assert seen["edits"] == split["edits"]
+    say(other, "Undo")
+    undone = hear(page, "State", lambda state: state["can_redo"] and is_current("faces")(state))
+    assert int(figures(undone, "faces")["Faces"]) == n_faces
+
+
 def test_a_studio_that_starts_again_shows_what_was_computed(scan):
     studio = Studio(scan)
     with studio.page() as page:
@@ -101,7 +119,7 @@ def test_a_studio_that_starts_again_shows_what_was_computed(scan):
     try:
         with studio.page() as page:
             after, stages = watched(page, "model")
-            assert stages <= {"reading the scan", "measuring"}  # the scan is read anew, all else was kept
+            assert stages <= READ_ANEW  # all else was kept
             assert after["steps"][:5] == [{**entry, "result": kept(entry, after)} for entry in before["steps"][:5]]
             edit(page, set={"stage": "topology", "name": "reach", "value": 2.6})
             changed = hear(page, "State", is_current("surfaces"))
@@ -110,26 +128,9 @@ def test_a_studio_that_starts_again_shows_what_was_computed(scan):
         studio = Studio(scan)
         with studio.page() as page:
             again, stages = watched(page, "surfaces")
-            assert stages <= {"reading the scan", "measuring"}
+            assert stages <= READ_ANEW
             assert result(again, "surfaces") == result(changed, "surfaces")
             assert result(again, "model") is None  # it does not follow from these borders, and nobody asked for another
-    finally:
-        studio.stop()
-
-
-def test_what_was_done_before_a_kill_in_the_middle_is_shown_again(scan):
-    studio = Studio(scan)
-    with studio.page() as page:
-        say(page, "Compute", until="model")
-        before = hear(page, "State", lambda state: is_current("faces")(state) and state["running"] == "model")
-        studio.kill()
-    studio = Studio(scan)
-    try:
-        with studio.page() as page:
-            after, stages = watched(page, "faces")
-            assert stages <= {"reading the scan", "measuring", "relating surfaces", "finding borders"}  # these it may not have reached
-            assert result(after, "faces") == result(before, "faces")
-            assert after["reached"] in ("faces", "surfaces", "model")
     finally:
         studio.stop()
 
@@ -195,53 +196,45 @@ def test_a_scan_that_was_sent_in_part_leaves_nothing(tmp_path, monkeypatch):
         assert not list(tmp_path.iterdir())
 
 
-def test_a_computation_can_be_stopped_and_troubles_are_sentences(scan):
-    studio = Studio(scan)
-    try:
-        with studio.page() as page:
-            hear(page, "State", is_current("scan"))
-            say(page, "Compute", until="model")
-            hear(page, "Progress", lambda progress: progress["step"] == "edges")
-            start = time.monotonic()
-            say(page, "Cancel")
-            state = hear(page, "State", lambda state: state["running"] is None)
-            assert time.monotonic() - start < 5
-            assert not is_current("model")(state)
-            say(page, "Compute", until="faces")
-            hear(page, "State", is_current("faces"))
-            edit(page, face={"merge": [0, 777]})
-            state = hear(page, "State", lambda state: any(entry["trouble"] for entry in state["steps"]))
-            trouble = next(entry for entry in state["steps"] if entry["trouble"])
-            assert trouble["step"] == "faces"
-            assert "no face 777" in trouble["trouble"]
-            say(page, "Undo")
-            hear(page, "State", is_current("faces"))
-    finally:
-        studio.stop()
+def test_arrays_say_what_the_messages_say(running):
+    with running.page() as page:
+        say(page, "Compute", until="edges")
+        frames = {}
+        while "edges" not in frames:
+            message = page.recv(timeout=60)
+            if isinstance(message, bytes):
+                header, arrays = unpack(message)
+                frames[header["name"]] = arrays
+        state = hear(page, "State", is_current("edges"))
+        n = len(frames["cloud"]["points"])
+        assert figures(state, "scan")["Points"] == f"{n:,}"
+        assert frames["cloud"]["rows"].tolist() == list(range(1, n + 1))  # the first row of the file is no point
+        above = int((frames["edges"]["strength"] > 12).sum())
+        assert figures(state, "edges")["Edge points"] == f"{above:,} of {n:,}"
+        edit(page, boundary={"add": {"indices": [1, 2]}})
+        while True:
+            message = page.recv(timeout=60)
+            if isinstance(message, bytes):
+                break
+        assert unpack(message)[1]["corrected"][:2].max() <= 1
 
 
-def test_arrays_say_what_the_messages_say(scan):
-    studio = Studio(scan)
-    try:
-        with studio.page() as page:
-            say(page, "Compute", until="edges")
-            frames = {}
-            while "edges" not in frames:
-                message = page.recv(timeout=60)
-                if isinstance(message, bytes):
-                    header, arrays = unpack(message)
-                    frames[header["name"]] = arrays
-            state = hear(page, "State", is_current("edges"))
-            n = len(frames["cloud"]["points"])
-            assert figures(state, "scan")["Points"] == f"{n:,}"
-            assert frames["cloud"]["rows"].tolist() == list(range(1, n + 1))  # the first row of the file is no point
-            above = int((frames["edges"]["strength"] > 12).sum())
-            assert figures(state, "edges")["Edge points"] == f"{above:,} of {n:,}"
-            edit(page, boundary={"add": {"indices": [1, 2]}})
-            while True:
-                message = page.recv(timeout=60)
-                if isinstance(message, bytes):
-                    break
-            assert unpack(message)[1]["corrected"][:2].max() <= 1
-    finally:
-        studio.stop()
+def test_a_computation_can_be_stopped_and_troubles_are_sentences(running):
+    with running.page() as page:
+        hear(page, "State", is_current("scan"))
+        say(page, "Compute", until="model")
+        hear(page, "Progress", lambda progress: progress["step"] in ("edges", "faces"))
+        start = time.monotonic()
+        say(page, "Cancel")
+        state = hear(page, "State", lambda state: state["running"] is None)
+        assert time.monotonic() - start < 5
+        assert not is_current("model")(state)
+        say(page, "Compute", until="faces")
+        hear(page, "State", is_current("faces"))
+        edit(page, face={"merge": [0, 777]})
+        state = hear(page, "State", lambda state: any(entry["trouble"] for entry in state["steps"]))
+        trouble = next(entry for entry in state["steps"] if entry["trouble"])
+        assert trouble["step"] == "faces"
+        assert "no face 777" in trouble["trouble"]
+        say(page, "Undo")
+        hear(page, "State", is_current("faces"))

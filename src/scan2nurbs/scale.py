@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
-from scipy.stats import chi2
+from scipy.special import gammaincinv
 
 from scan2nurbs.errors import NoResultError
 from scan2nurbs.kernels.cells import POINTS_PER_CELL, Cells, build_cells
@@ -156,7 +156,7 @@ def _quadric_noise(cells: Cells, k: int, quantile: float = 0.2) -> float:
     residual = w - np.einsum("nkj,nj->nk", q, np.einsum("nkj,nk->nj", q, w))
     freedom = k - basis.shape[2]
     variance = (residual**2).sum(axis=1) * distance[:, -1] ** 2 / freedom
-    return float(np.sqrt(np.quantile(variance, quantile) * freedom / chi2.ppf(quantile, freedom)))
+    return float(np.sqrt(np.quantile(variance, quantile) * freedom / chi2_quantile(quantile, freedom)))
 
 
 def require_surface(scale: Scale) -> None:
@@ -194,3 +194,8 @@ def line_share(cells: Cells) -> float:
     local = cells.points[index] - cells.points[index].mean(axis=1, keepdims=True)
     width = np.linalg.svd(local, compute_uv=False)
     return float(np.mean(width[:, 1] < 0.1 * width[:, 0]))
+
+
+def chi2_quantile(probability: float, freedom: int) -> float:
+    """Return the value that a χ² variable stays below with some probability; importing scipy.stats for it would take half a second."""
+    return float(2.0 * gammaincinv(freedom / 2, probability))

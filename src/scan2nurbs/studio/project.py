@@ -149,9 +149,11 @@ def open_project(folder: Path, *, check: bool = False) -> Project:
     Raises
     ------
     InputError
-        If there is none, it cannot be read, or (where checked) its scan is missing or has changed.
+        If there is none, it cannot be read or is a link, or (where checked) its scan is missing or has changed.
     """
     path = folder / FILE
+    if path.is_symlink():
+        raise InputError(f"Nothing is read through links: {FILE} is one; put a file in its place.", path=folder)
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from scan2nurbs.surfaces.shape import Floats
 
@@ -77,7 +77,7 @@ def study(feet: Floats, residuals: Floats, noise: float) -> Residuals:
     rest = float(np.sqrt(min(max(float(d @ d) - square, 0.0) / max(len(d) - rank, 1) for square, rank in found)))
     sigma = max(noise, rest)
     excess = [max(square / sigma**2 - rank, 0.0) / len(d) for square, rank in found]
-    chance = min(float(chi2.sf(square / sigma**2, rank)) for square, rank in found)
+    chance = min(float(chdtrc(rank, square / sigma**2)) for square, rank in found)
     return Residuals(float(np.sqrt(max(excess))) * sigma, chance, rest, off)
 
 

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import chi2
 
+from scan2nurbs.scale import chi2_quantile
 from scan2nurbs.surfaces.constraints import (
     ANGLE,
     Equations,
@@ -102,7 +102,7 @@ def wald(values: Values, first: Known, second: Known, floors: Floors) -> float:
 def _holds(equations: Equations, first: Known, second: Known, floors: Floors, probability: float = _PROBABILITY) -> float:
     """Return the Wald statistic over its threshold: at most one where the relation holds."""
     values = evaluate(equations, first.shape, second.shape)
-    return wald(values, first, second, floors) / float(chi2.ppf(probability, len(values.value)))
+    return wald(values, first, second, floors) / chi2_quantile(probability, len(values.value))
 
 
 def _groups(known: Sequence[Known], equations: Equations, doubt: Callable[[Known], float], floors: Floors) -> list[list[Known]]:

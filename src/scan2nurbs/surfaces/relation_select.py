@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
+from scan2nurbs.scale import chi2_quantile
 from scan2nurbs.surfaces.constraints import ANGLE, Values, evaluate
 from scan2nurbs.surfaces.relation_search import Candidate, Floors, Known
 from scan2nurbs.surfaces.relation_solve import room
@@ -93,7 +93,7 @@ class _Filter:
             values = evaluate(way.equations, self.shapes[way.faces[0]], self.shapes[way.faces[1]])
             floor = factor * np.array([self.floors.angle if u == ANGLE else self.floors.length for u in values.unit])
             spread = values.slope @ self.covariance[np.ix_(index, index)] @ values.slope.T + np.diag(floor**2)
-            fit = float(values.value @ np.linalg.solve(spread, values.value)) / float(chi2.ppf(probability, len(floor)))
+            fit = float(values.value @ np.linalg.solve(spread, values.value)) / chi2_quantile(probability, len(floor))
             if fit <= best.doubt:
                 best = _Judged(fit, way, index, values, floor)
         return best

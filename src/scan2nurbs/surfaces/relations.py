@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from scan2nurbs.errors import ParameterError
+from scan2nurbs.scale import chi2_quantile
 from scan2nurbs.surfaces.constraints import ANGLE, evaluate
 from scan2nurbs.surfaces.relation_search import Candidate, Floors, Known, find_relations, find_tangencies
 from scan2nurbs.surfaces.relation_select import select_relations, tangency_doubts
@@ -248,7 +248,7 @@ def _refused(part: _Part, joint: JointFit, active: Sequence[Candidate], params: 
     for i, (shape, member) in enumerate(zip(joint.shapes, part.members, strict=True)):
         before, after = part.before[i], _rms(shape, member)
         rise = (after**2 - before**2) * len(member.points) * member.share / member.sigma**2
-        if after > (1.0 + params.max_rise) * before and rise > chi2.ppf(_REFUSED, len(COLUMNS[shape.kind])):
+        if after > (1.0 + params.max_rise) * before and rise > chi2_quantile(_REFUSED, len(COLUMNS[shape.kind])):
             mine = [k for k, c in enumerate(active) if member.face in c.faces]
             if mine:
                 bad |= set(mine) if everything else {max(mine, key=lambda k: joint.force[k])}

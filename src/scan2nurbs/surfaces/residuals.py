@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from scan2nurbs.surfaces.axis import Axis
 
@@ -148,6 +148,6 @@ def _asks(
     square: NDArray[np.float64], freedom: NDArray[np.float64], count: NDArray[np.float64], noise: float, tolerance: float
 ) -> NDArray[np.bool_]:
     """Tell where Σ n · mean² is both significant (Bonferroni over the array) and large."""
-    probability = chi2.sf(square / max(noise, 1e-300) ** 2, np.maximum(freedom, 1.0)) * square.size
+    probability = chdtrc(np.maximum(freedom, 1.0), square / max(noise, 1e-300) ** 2) * square.size
     bias = np.maximum(square - freedom * noise**2, 0.0) / np.maximum(count, 1.0)
     return (freedom > 0) & (probability < _SIGNIFICANCE) & (bias > tolerance**2)

@@ -28,6 +28,16 @@ export function stepsPanel(store: Store, bodies: Record<Step, HTMLElement[]>, li
   const rest = h("div", {});
   const next = h("div", { class: "next" });
 
+  let offered = "";
+  /** Say what is next; a button that stays is left alone, since one that is replaced while it is pressed is not clicked. */
+  function offer(): void {
+    const { state, step, stopping } = store;
+    const key = JSON.stringify([step, stopping, state?.running, state?.project, state?.steps.map((entry) => [entry.status, entry.result !== null])]);
+    if (key === offered) return;
+    offered = key;
+    fill(next, ...buttons(store));
+  }
+
   function update(): void {
     const states = store.state?.steps ?? [];
     fill(
@@ -44,11 +54,12 @@ export function stepsPanel(store: Store, bodies: Record<Step, HTMLElement[]>, li
     fill(head, h("h2", {}, ABOUT[store.step].title), h("p", { class: "help lead" }, opened ? ABOUT[store.step].text : "There is no scan yet. Drop its file on the right; the steps above then lead from its points to a CAD model."));
     fill(alarm, ...troubles(store));
     fill(foot, ...(state?.result ? outcome(state.result) : []));
-    fill(next, ...buttons(store));
+    offer();
     body.hidden = foot.hidden = rest.hidden = !opened;
   }
 
-  store.on(["state", "step", "progress"], update);
+  store.on(["state", "step"], update);
+  store.on(["progress"], offer);
   const place = () => (fill(body, ...bodies[store.step]), fill(rest, ...(lists[store.step] ?? [])));
   store.on(["step"], place);
   place();
@@ -87,7 +98,8 @@ function buttons(store: Store): HTMLElement[] {
     if (store.status("model") === "current") return [];
     return [h("p", { class: "help" }, store.result("model") ? "The model is not up to date; exporting builds it again first." : "There is no model yet; exporting builds it first, with all that it needs.")];
   }
-  if (status === "running") return [h("button", { class: "wide", id: "cancel", disabled: store.stopping, onclick: () => store.stop() }, store.stopping ? "Stopping …" : "Stop")];
+  const onTheWay = status !== "current" && state.running !== null && STEPS.indexOf(state.running) >= place; // to this step, or beyond
+  if (onTheWay) return [h("button", { class: "wide", id: "cancel", disabled: store.stopping, onclick: () => store.stop() }, store.stopping ? "Stopping …" : "Stop")];
   if (status !== "current") {
     const again = status === "empty" ? ABOUT[step].action : `${ABOUT[step].action} again`;
     return [h("button", { class: "primary wide", id: "compute", disabled: state.running !== null, title: "Compute this step and what it needs (Enter)", onclick: () => store.send({ type: "Compute", until: step }) }, again)];

@@ -6,6 +6,8 @@ import type { Sync } from "../view/sync";
 
 const BINS = 900;
 const [WIDTH, HEIGHT] = [300, 84];
+const degreesOf = (column: number) => ((2 * column + 1) * 90) / WIDTH;
+const COLOURS = Array.from({ length: WIDTH / 2 }, (_, k) => css(rampColour("heat", degreesOf(k) / 90)));
 
 export function thresholdPanel(store: Store, sync: Sync): HTMLElement {
   const canvas = h("canvas", { width: WIDTH, height: HEIGHT, class: "histogram", title: "How many points have which strength (logarithmic)" });
@@ -72,8 +74,8 @@ function paint(canvas: HTMLCanvasElement, bins: Uint32Array, threshold: number):
   });
   const most = Math.max(...columns, 1e-9);
   columns.forEach((value, k) => {
-    const degrees = ((2 * k + 1) * 90) / WIDTH;
-    pen.fillStyle = degrees > threshold ? css(rampColour("heat", degrees / 90)) : "#738799";
+    if (value === 0) return;
+    pen.fillStyle = degreesOf(k) > threshold ? COLOURS[k]! : "#738799";
     pen.fillRect(2 * k, HEIGHT - 14 - (value / most) * (HEIGHT - 16), 2, (value / most) * (HEIGHT - 16));
   });
   pen.fillStyle = "#c9d3dd";

@@ -78,8 +78,8 @@ export class Pointer {
   }
 
   private pick(event: PointerEvent): void {
-    const hit = this.viewer.pick(false).at(event.offsetX, event.offsetY);
-    this.store.choose(hit.face, event.shiftKey || event.ctrlKey);
+    const face = this.viewer.pick(false).face(event.offsetX, event.offsetY);
+    this.store.choose(face, event.shiftKey || event.ctrlKey);
   }
 }
 

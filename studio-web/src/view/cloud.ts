@@ -4,11 +4,9 @@ import type { Values } from "../frames";
 import { rampTexture } from "./colours";
 import { PICK_FRAGMENT, PICK_POINTS_VERTEX, POINTS_FRAGMENT, POINTS_VERTEX } from "./shaders";
 
-/** So many points are drawn while the view moves, at first; then as many as the graphics card can draw smoothly. */
-const MOVING = 250_000;
-const FEWEST = 20_000;
 export const COLOURINGS = ["plain", "height", "strength", "face", "deviation"] as const;
-const COLUMNS = ["strength", "deviation", "dn", "vdn", "face", "corrected", "chosen"];
+/** What columns hold that are not known yet: one value for all points. */
+const UNKNOWN = { strength: 0, deviation: 1e30, dn: 0, vdn: 0, face: -1, corrected: 0 };
 
 export class Cloud {
   readonly geometry = new THREE.BufferGeometry();
@@ -30,20 +28,21 @@ export class Cloud {
     least: { value: 1.5 },
     opacity: { value: 1 },
   };
+  /** Whether each point is chosen, in the order of the input, as `positions`. */
   readonly chosen: Uint8Array;
-  moving = MOVING;
+  /** The order in which points lie in the buffers and are drawn: the first of them are an even sample, and lie together in memory. */
+  private readonly order: Uint32Array;
 
   constructor(
     readonly positions: Float32Array,
     readonly spacing: number,
   ) {
     const n = positions.length / 3;
+    this.order = shuffled(n);
     this.chosen = new Uint8Array(n);
-    this.geometry.setAttribute("position", new THREE.BufferAttribute(positions, 3));
-    this.geometry.setIndex(new THREE.BufferAttribute(shuffled(n), 1));
-    // Columns that are not known yet are one value for all points.
-    for (const name of COLUMNS) this.geometry.setAttribute(name, constant(name === "face" ? -1 : name === "deviation" ? 1e30 : 0, n));
-    this.geometry.setAttribute("shadeNormal", new THREE.BufferAttribute(new Uint8Array(3 * n).fill(128), 3, true));
+    this.column("position", positions, 3);
+    for (const [name, value] of Object.entries(UNKNOWN)) this.constant(name, new Float32Array([value]), 1);
+    this.constant("shadeNormal", new Float32Array([0.5, 0.5, 0.5]), 3);
     this.column("chosen", this.chosen);
     this.geometry.computeBoundingBox();
     this.geometry.computeBoundingSphere();
@@ -65,23 +64,21 @@ export class Cloud {
     return this.chosen.length;
   }
 
-  column(name: string, values: Values): void {
-    this.geometry.setAttribute(name, new THREE.BufferAttribute(values, 1));
+  /** Give all points a column of values, which are in the order of the input. */
+  column(name: string, values: Values, size = 1, normalized = false): void {
+    const ordered = new (values.constructor as new (n: number) => Values)(values.length);
+    this.fill(ordered, values, size);
+    this.geometry.setAttribute(name, new THREE.BufferAttribute(ordered, size, normalized));
   }
 
   normals(values: Uint8Array): void {
-    this.geometry.setAttribute("shadeNormal", new THREE.BufferAttribute(values, 3, true));
+    this.column("shadeNormal", values, 3, true);
     this.uniforms.shaded.value = true;
   }
 
-  draw(moving: boolean): void {
-    this.geometry.setDrawRange(0, moving ? Math.min(this.moving, this.n) : this.n);
-  }
-
-  /** Draw fewer points where the last frame of a movement took too long, more where there was time left. */
-  adapt(milliseconds: number): void {
-    if (milliseconds > 40) this.moving = Math.max(FEWEST, Math.round(this.moving * 0.7));
-    else if (milliseconds < 20) this.moving = Math.min(Math.max(this.n, FEWEST), Math.round(this.moving * 1.15));
+  /** Draw so many points, all unless there are as many. */
+  draw(count: number): void {
+    this.geometry.setDrawRange(0, Math.min(count, this.n));
   }
 
   fade(opacity: number): void {
@@ -91,11 +88,24 @@ export class Cloud {
   }
 
   chosenChanged(): void {
-    this.geometry.getAttribute("chosen").needsUpdate = true;
+    const attribute = this.geometry.getAttribute("chosen");
+    this.fill(attribute.array as Uint8Array, this.chosen, 1);
+    attribute.needsUpdate = true;
   }
 
   dispose(): void {
     this.geometry.dispose();
+  }
+
+  private constant(name: string, value: Float32Array, size: number): void {
+    // What is given once an instance is the same for all points where there is one instance.
+    this.geometry.setAttribute(name, new THREE.InstancedBufferAttribute(value, size));
+  }
+
+  private fill(ordered: Values, values: Values, size: number): void {
+    const { order } = this;
+    if (size === 1) for (let k = 0; k < order.length; k++) ordered[k] = values[order[k]!]!;
+    else for (let k = 0; k < order.length; k++) for (let i = 0; i < size; i++) ordered[size * k + i] = values[size * order[k]! + i]!;
   }
 }
 
@@ -107,10 +117,6 @@ uniform mat4 projectionMatrix;
 uniform mat3 normalMatrix;
 in vec3 position;
 ${shader}`;
-}
-
-function constant(value: number, n: number): THREE.BufferAttribute {
-  return new THREE.BufferAttribute(new Float32Array(n).fill(value), 1);
 }
 
 /** A fixed random order, so that the first points of it are an even sample of the cloud. */

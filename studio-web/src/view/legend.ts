@@ -2,23 +2,29 @@
 import { fill, h, number } from "../dom";
 import { css, rampColour } from "./colours";
 
+const GREY = [115, 135, 153];
+
 export class Legend {
   readonly element = h("div", { class: "legend" });
+  private readonly canvas = h("canvas", { width: 200, height: 1 });
+  private shown = "";
 
   hide(): void {
+    this.shown = "";
     this.element.hidden = true;
   }
 
   ramp(title: string, ramp: string, low: number, high: number, unit: string, mark?: number): void {
-    const canvas = h("canvas", { width: 200, height: 12 });
-    const pen = canvas.getContext("2d")!;
+    const picture = new ImageData(200, 1);
     for (let x = 0; x < 200; x++) {
       const value = low + ((high - low) * x) / 199;
-      pen.fillStyle = mark !== undefined && value <= mark ? "#738799" : css(rampColour(ramp, x / 199));
-      pen.fillRect(x, 0, 1, 12);
+      picture.data.set([...(mark !== undefined && value <= mark ? GREY : rampColour(ramp, x / 199)), 255], 4 * x);
     }
+    this.canvas.getContext("2d")!.putImageData(picture, 0, 0);
+    const key = JSON.stringify([title, low, high, unit]);
+    if (this.shown === key) return; // while a slider moves, only the picture changes
     const ticks = [low, (low + high) / 2, high].map((value) => h("span", {}, number(value)));
-    this.put(h("b", {}, title + (unit ? ` (${unit})` : "")), canvas, h("div", { class: "ticks" }, ...ticks));
+    this.put(key, h("b", {}, title + (unit ? ` (${unit})` : "")), this.canvas, h("div", { class: "ticks" }, ...ticks));
   }
 
   faces(entries: { name: string; colour: readonly number[] }[]): void {
@@ -28,10 +34,11 @@ export class Legend {
       return h("div", {}, swatch, entry.name);
     });
     const more = entries.length > 8 ? h("div", { class: "dim" }, `and ${entries.length - 8} more`) : null;
-    this.put(h("b", {}, "Faces"), h("div", { class: "swatches" }, ...shown), more);
+    this.put("faces", h("b", {}, "Faces"), h("div", { class: "swatches" }, ...shown), more);
   }
 
-  private put(...children: (Node | null)[]): void {
+  private put(key: string, ...children: (Node | null)[]): void {
+    this.shown = key;
     this.element.hidden = false;
     fill(this.element, ...children);
   }

@@ -1,10 +1,5 @@
-/** Picking by a pass that draws integers: for each pixel which point, how deep, which face. */
+/** Picking by a pass that draws integers: for each pixel which face, and how deep. */
 import * as THREE from "three";
-
-export interface Hit {
-  point: number | null;
-  face: number | null;
-}
 
 export class Picture {
   constructor(
@@ -14,13 +9,10 @@ export class Picture {
     private readonly depths: Float32Array,
   ) {}
 
-  /** What is at a pixel; y counts from the top. */
-  at(x: number, y: number): Hit {
+  /** The face at a pixel, null where there is none; y counts from the top. */
+  face(x: number, y: number): number | null {
     const k = this.index(x, y);
-    if (k < 0 || this.values[k + 3] === 0) return { point: null, face: null };
-    const point = this.values[k]!;
-    const face = this.values[k + 2]!;
-    return { point: point > 0 ? point - 1 : null, face: face > 0 ? face - 1 : null };
+    return k < 0 || this.values[k] === 0 ? null : this.values[k]! - 1; // strays have no face
   }
 
   /** The depth of what is nearest at a pixel; infinite where there is nothing. */

@@ -87,7 +87,7 @@ flat out uvec4 found;
 void main() {
   place();
   float depth = -(modelViewMatrix * vec4(position, 1.0)).z;
-  found = uvec4(uint(gl_VertexID) + 1u, floatBitsToUint(depth), uint(max(face, -1.0) + 1.0), 1u);
+  found = uvec4(uint(max(face, -1.0) + 1.0), floatBitsToUint(depth), 0u, 1u);
 }`;
 
 export const FACES_VERTEX = /* glsl */ `
@@ -103,7 +103,7 @@ void main() {
   colour = faceColour(face);
   turned = normalMatrix * normal;
   depth = -seen.z;
-  found = uvec4(0u, 0u, uint(max(face, -1.0) + 1.0), 2u);
+  found = uvec4(uint(max(face, -1.0) + 1.0), 0u, 0u, 1u);
 }`;
 
 export const FACES_FRAGMENT = /* glsl */ `
@@ -131,4 +131,4 @@ precision highp int;
 flat in uvec4 found;
 in float depth;
 layout(location = 0) out uvec4 result;
-void main() { result = uvec4(found.x, floatBitsToUint(depth), found.z, found.w); }`;
+void main() { result = uvec4(found.x, floatBitsToUint(depth), found.zw); }`;

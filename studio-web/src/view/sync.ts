@@ -31,7 +31,7 @@ export class Sync {
     store.on(["state", "step"], () => this.refresh());
     store.on(["faces"], () => this.recolour());
     store.on(["step"], () => this.colour(this.natural()));
-    store.on(["threshold"], () => this.recolour());
+    store.on(["threshold"], () => this.numbers());
   }
 
   /** The colouring that belongs to a step. */
@@ -107,15 +107,23 @@ export class Sync {
   }
 
   private recolour(): void {
-    const { store, viewer, legend } = this;
-    const cloud = viewer.cloud;
-    if (!cloud) return;
+    const { store, viewer } = this;
+    if (!viewer.cloud) return;
     const entries = store.entries();
     const neutral = this.colouring === "deviation" && store.step === "surfaces" && store.faces.length === 0;
     const palette = paletteTexture(new Map(entries.map((entry) => [entry.number, neutral ? GREY : entry.colour])), store.faces);
     viewer.palette.palette.value?.dispose();
     viewer.palette.palette.value = palette.map;
     viewer.palette.paletteSize.value = palette.size;
+    this.numbers();
+  }
+
+  /** Give the points' program its numbers, and the legend: all that changes while a slider moves. */
+  private numbers(): void {
+    const { store, viewer, legend } = this;
+    const cloud = viewer.cloud;
+    if (!cloud) return;
+    const entries = store.entries();
     const uniforms = cloud.uniforms;
     uniforms.colouring.value = COLOURINGS.indexOf(this.colouring);
     uniforms.threshold.value = this.threshold;

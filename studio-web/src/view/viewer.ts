@@ -3,10 +3,13 @@ import * as THREE from "three";
 import { Cameras } from "./cameras";
 import type { Cloud } from "./cloud";
 import { FaceMesh, type Lines } from "./layers";
+import { Pace } from "./pace";
 import { Picker, type Picture } from "./picking";
 
 export type LayerName = "points" | "curves" | "surfaces" | "nets" | "model";
 const SETTLE = 180;
+/** So many points are drawn when something moves for the first time, by a graphics card or by the processor. */
+const FIRST = { card: 250_000, processor: 20_000 };
 
 export class Viewer {
   readonly canvas = document.createElement("canvas");
@@ -17,16 +20,23 @@ export class Viewer {
   readonly times: number[] = [];
   readonly layers = new Map<LayerName, { parts: (Lines | FaceMesh)[]; on: boolean; opacity: number }>();
   onDrawn: () => void = () => undefined;
+  readonly pace: Pace;
   private readonly renderer: THREE.WebGLRenderer;
   private readonly scene = new THREE.Scene();
   private readonly picker: Picker;
+  private readonly slow: boolean;
+  private coarse = false;
   private waiting = false;
   private lastMoving = 0;
   private movingUntil = 0;
   private settling = 0;
 
   constructor(private readonly home: HTMLElement) {
-    this.renderer = new THREE.WebGLRenderer({ canvas: this.canvas, antialias: !software(), preserveDrawingBuffer: true });
+    this.slow = software();
+    this.pace = new Pace(this.slow ? FIRST.processor : FIRST.card);
+    // A picture that nothing shines through is put on the page sooner; smooth lines cost a processor too much.
+    const context = this.canvas.getContext("webgl2", { alpha: false, antialias: !this.slow, powerPreference: "high-performance" });
+    this.renderer = new THREE.WebGLRenderer({ canvas: this.canvas, ...(context && { context }) });
     this.renderer.setClearColor(0x10161d, 1);
     this.picker = new Picker(this.renderer);
     this.canvas.tabIndex = 0;
@@ -88,7 +98,7 @@ export class Viewer {
     if (!pointsOnly) {
       for (const { parts } of this.layers.values()) for (const part of parts) if (part instanceof FaceMesh && part.object.visible) objects.push(part.picked);
     }
-    this.cloud?.draw(false);
+    this.cloud?.draw(Infinity);
     this.prepare();
     if (this.cloud) Object.assign(this.cloud.picked.material.uniforms["scale"]!, { value: this.cameras.pixels });
     return this.picker.take(objects, this.cameras.current, this.width, this.height);
@@ -106,13 +116,15 @@ export class Viewer {
   render(): void {
     const start = performance.now();
     const moving = start < this.movingUntil;
-    this.cloud?.draw(moving);
+    this.cloud?.draw(moving ? this.pace.points : Infinity);
+    // Where the processor draws, a movement that leaves points out is drawn with half as many pixels each way: as large, half the work.
+    if (!moving || this.lastMoving === 0) this.sharpen(!(moving && this.slow && this.pace.points < (this.cloud?.n ?? 0)));
     this.prepare();
     this.renderer.render(this.scene, this.cameras.current);
     this.times.push(performance.now() - start);
     if (this.times.length > 200) this.times.shift();
     this.onDrawn();
-    if (moving && this.lastMoving > 0) this.cloud?.adapt(start - this.lastMoving);
+    if (moving && this.lastMoving > 0) this.pace.took(start - this.lastMoving, this.cloud?.n ?? 0);
     this.lastMoving = moving ? start : 0;
     if (moving) this.settleLater();
   }
@@ -136,7 +148,8 @@ export class Viewer {
 
   /** Something moves: draw as many points as can be drawn smoothly, and all of them once it rests. */
   touch(): void {
-    this.movingUntil = performance.now() + SETTLE;
+    // A processor takes seconds for the millions of points of a whole picture, in which nothing moves: it is sure first that all rests.
+    this.movingUntil = performance.now() + Math.max(SETTLE, this.slow ? (this.cloud?.n ?? 0) / 1500 : 0);
     this.draw();
   }
 
@@ -145,8 +158,15 @@ export class Viewer {
     this.touch();
   }
 
+  private sharpen(sharp: boolean): void {
+    this.coarse = !sharp;
+    const ratio = Math.min(window.devicePixelRatio, 2) * (sharp ? 1 : 0.5);
+    if (this.renderer.getPixelRatio() !== ratio) this.renderer.setPixelRatio(ratio);
+  }
+
   private prepare(): void {
     if (!this.cloud) return;
+    this.cloud.uniforms.least.value = this.coarse ? 1 : 1.5;
     this.cloud.uniforms.scale.value = this.cameras.pixels * this.renderer.getPixelRatio();
     this.cloud.uniforms.perspective.value = this.cameras.isPerspective;
     this.cloud.uniforms.palette.value = this.palette.palette.value;
@@ -154,14 +174,14 @@ export class Viewer {
   }
 
   private resize(): void {
-    this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
+    this.sharpen(!this.coarse);
     this.renderer.setSize(this.width, this.height);
     this.cameras.resize(this.width, this.height);
     this.draw();
   }
 }
 
-/** Whether pictures are drawn by the processor: smooth lines would cost too much then. */
+/** Whether pictures are drawn by the processor. */
 function software(): boolean {
   const gl = document.createElement("canvas").getContext("webgl2");
   const info = gl?.getExtension("WEBGL_debug_renderer_info");
