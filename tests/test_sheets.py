@@ -54,7 +54,7 @@ def test_feet_stay_on_the_sheet_that_most_of_a_border_lies_on(growth):
     between = chart.uv(0.5 * (loop + np.roll(loop, -1, axis=0)))
     assert np.abs(between - found).max() < 0.3
     # Which of two sheets that coincide is open; that it is one of them is not.
-    assert np.abs((found - uv - np.round((found - uv)[:, :1] / TURN) * [TURN, 0.0])).max() < 0.3
+    assert np.abs(found - uv - np.round((found - uv)[:, :1] / TURN) * [TURN, 0.0]).max() < 0.3
     assert np.linalg.norm(chart.point(found) - loop, axis=1).max() < 0.25
 
 

@@ -69,9 +69,9 @@ def guide_along(surface: BSplineSurface, loops: Sequence[Floats], feet: Sequence
 
     Notes
     -----
-    A surface that is extended beyond its face, or bent to its borders, may come back to them: a strip of a narrow cylinder after a whole
-    turn, a tightly curved one where it folds. The longest stretch of each loop without a jump is believed; from there each foot is sought from
-    the one before.
+    A surface that is extended beyond its face, or bent to its borders, may come back to them: a strip of a narrow cylinder after a
+    whole turn, a tightly curved one where it folds. The longest stretch of each loop without a jump is believed; from there each foot is
+    sought from the one before.
     """
     followed, jumped = [], False
     for points, uv in zip(loops, feet, strict=True):
