@@ -73,7 +73,7 @@ def find_borders(cells: Cells, normals: NDArray[np.float64], spacing: NDArray[np
         first[index.order] = join_groups(index, GAP * h)
         _, group = np.unique(first, return_inverse=True)
         extent = _extent(points, group)
-        whole = _extent(cells.points, np.zeros(len(cells.points), np.int64))[0]
+        whole = 2.0 * np.linalg.norm(cells.points - cells.points.mean(axis=0), axis=1).max()
         hole = HOLE * h if extent.max() > SHEET * whole else max(HOLE * h, GAP_SHARE * whole)
         mask[candidate] = extent[group] >= LENGTH * h
         outline[candidate] = extent[group] >= hole

@@ -16,6 +16,7 @@ from scan2nurbs.kernels.cells import Cells
 from scan2nurbs.kernels.creases import fit_wedges
 from scan2nurbs.kernels.nearest import nearest_neighbours
 from scan2nurbs.kernels.runner import Progress
+from scan2nurbs.kernels.thickness import thickness
 from scan2nurbs.scale import Scale
 
 NONE, CONVEX, CONCAVE, BORDER, CORNER = range(5)
@@ -119,10 +120,7 @@ def with_kinds(scale: Scale, edges: Edges, progress: Progress | None = None) -> 
 
 def _thick(cells: Cells, normal: NDArray[np.float64], neighbours: NDArray[np.int32], scale: Scale) -> NDArray[np.bool_]:
     """Tell whose neighbours lie farther off its plane than noise puts them: two sides of something thin, whose normals may be either's."""
-    total = np.zeros(len(normal))
-    for k in range(neighbours.shape[1]):
-        total += np.einsum("nc,nc->n", cells.points[neighbours[:, k]] - cells.points, normal) ** 2
-    thick = np.sqrt(total / neighbours.shape[1]) > THICK * (np.sqrt(2.0) * scale.noise + 0.1 * scale.h)
+    thick = thickness(cells.points, normal, neighbours) > THICK * (np.sqrt(2.0) * scale.noise + 0.1 * scale.h)
     # Chance makes single points look thick, and where it is thick single points thin.
     return thick | (thick[neighbours].sum(axis=1) >= FEW)
 

@@ -149,13 +149,16 @@ def _join(votes: csr_array, n: int) -> tuple[NDArray[np.float64], NDArray[np.int
 
 def _outwards(points: NDArray[np.float64], normals: NDArray[np.float64], group: NDArray[np.int32]) -> NDArray[np.float64]:
     """Return −1 for each group whose normals point inwards where it reaches farthest, over many directions."""
-    member = np.flatnonzero(group >= 0)
-    owner, places, arrows = group[member], points[member], normals[member]
     total = np.zeros(int(group.max(initial=0)) + 1)
+    member = np.argsort(group, kind="stable")
+    member = member[group[member] >= 0]
+    if len(member) == 0:
+        return np.ones(len(total))
+    owner, places, arrows = group[member], points[member], normals[member]
+    starts = np.flatnonzero(np.diff(owner, prepend=-1))
+    sizes = np.diff(np.append(starts, len(owner)))
     for direction in _DIRECTIONS:
         along = places @ direction
-        farthest = np.full(len(total), -np.inf)
-        np.maximum.at(farthest, owner, along)
-        extreme = np.flatnonzero(along == farthest[owner])
+        extreme = np.flatnonzero(along == np.repeat(np.maximum.reduceat(along, starts), sizes))
         total += np.bincount(owner[extreme], arrows[extreme] @ direction, len(total))
     return np.where(total < 0.0, -1.0, 1.0)
