@@ -13,6 +13,7 @@ from scan2nurbs.brep.borders import BorderCurve
 from scan2nurbs.brep.conform import conformed, mesh_surface, yielding
 from scan2nurbs.brep.known import Known
 from scan2nurbs.brep.shared import SharedFaces, sphere_axis, trim_faces
+from scan2nurbs.brep.solids import tolerance
 from scan2nurbs.errors import NoResultError
 from scan2nurbs.faces.topology import Topology
 from scan2nurbs.kernels.runner import Progress
@@ -61,6 +62,10 @@ class Attempt:
             left[worst] = TOO_WIDE
             wide = [faces for faces in wide if worst not in faces]
         return left
+
+    def spoilt(self, most: float) -> set[int]:
+        """Return the faces with an edge or vertex that only a tolerance above `most`, in the kernel's lengths, holds together."""
+        return {f for f, pieces in enumerate(self.made.faces) if max(map(tolerance, pieces), default=0.0) > most}
 
 
 def trim_part(
@@ -129,9 +134,8 @@ def trim_part(
             break
         best = tried
     best = _loosened(best, topology, h, scale, bearable, known, fine)
-    tried = _on_mesh(best, topology, h, scale, _MARGIN * bearable * h, known, fine)
-    if tried is not None and rank(tried) < rank(best):
-        best = _loosened(tried, topology, h, scale, bearable, known, fine)
+    tried = _on_mesh(best, topology, h, scale, bearable, known, fine)
+    best = best if tried is None else _loosened(tried, topology, h, scale, bearable, known, fine)
     return best, _notes(best.made.curves, best.bent, unbent, widest * h, h)
 
 
@@ -178,25 +182,33 @@ def _reaching(
     return None
 
 
-def _on_mesh(best: Attempt, topology: Topology, h: float, scale: float, most: float, known: Known, fine: bool) -> Attempt | None:
-    """Try again with surfaces through the mesh for the faces that cannot stay, bent to the borders as their neighbours have them.
+def _on_mesh(best: Attempt, topology: Topology, h: float, scale: float, bearable: float, known: Known, fine: bool) -> Attempt | None:
+    """Try again with surfaces through the mesh for the faces that cannot stay; return None where no fewer are left then.
 
-    A surface of the wrong kind, as a cylinder for a strip that is none, may cross itself when it is bent; what the mesh shows does not.
+    A surface of the wrong kind, as a cylinder for a strip that is none, may cross itself when it is bent to its borders; what the mesh
+    shows does not. The borders are those that its neighbours have without it.
     """
-    left = best.left(most)
-    shapes, bent = list(best.shapes), set[int]()
+    left = best.left(_MARGIN * bearable * h)
+    shapes: dict[int, Any] = {}
     for f in sorted(left):
         bend = _reaching(None, f, topology, _lines(f, topology, best.made.curves, h), h, None)
         if bend is not None:
             shapes[f] = bend
-            bent.add(f)
-    if not bent:
-        return None
-    others = {f: why for f, why in left.items() if f not in bent}
-    around = {k for f in bent for loop in topology.loops[f] for k, _ in loop}
-    caution = tuple(2 if k in around else care for k, care in enumerate(best.caution))
-    made = trim_faces(shapes, topology, h, scale, caution, others, known, fine)
-    return Attempt(made, tuple(shapes), caution, best.bent | bent)
+    # Those that would need too wide a tolerance stay out at a second try, for the sake of the others.
+    for _ in range(2):
+        if not shapes:
+            return None
+        around = {k for f in shapes for loop in topology.loops[f] for k, _ in loop}
+        caution = tuple(2 if k in around else care for k, care in enumerate(best.caution))
+        all_shapes = [shapes.get(f, shape) for f, shape in enumerate(best.shapes)]
+        others = {f: why for f, why in left.items() if f not in shapes}
+        made = trim_faces(all_shapes, topology, h, scale, caution, others, known, fine)
+        tried = Attempt(made, tuple(all_shapes), caution, best.bent | shapes.keys())
+        spoilt = tried.spoilt(bearable * h * scale)
+        if len(tried.left(_MARGIN * bearable * h).keys() | spoilt) < len(left):
+            return tried
+        shapes = {f: shape for f, shape in shapes.items() if f not in spoilt} if spoilt else {}
+    return None
 
 
 def _lines(f: int, topology: Topology, curves: Sequence[BorderCurve], h: float) -> list[NDArray[np.float64]]:
