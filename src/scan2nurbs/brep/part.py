@@ -20,7 +20,7 @@ from scan2nurbs.brep.face import kernel_scale
 from scan2nurbs.brep.join import Surroundings, join_faces
 from scan2nurbs.brep.known import Known
 from scan2nurbs.brep.occ import silence
-from scan2nurbs.brep.shared import NO_TRIANGLES, SharedFaces
+from scan2nurbs.brep.shared import SharedFaces
 from scan2nurbs.brep.solids import compound, tolerance, volume
 from scan2nurbs.errors import InputError, NoResultError
 from scan2nurbs.faces.topology import Fitted, Topology
@@ -192,10 +192,10 @@ def build_part(
         faces, how = _completed(trimmed, shapes, topology, scale.h, factor, params, notes)
         model = _model(points, trimmed.shapes, topology, trimmed.made, faces, how, scale, factor, params, notes)
         best = model if best is None or _rank(model) > _rank(best) else best
-        # Few faces, of which some have an outline of their own for their triangles, may be trimmed better when these are asked for at once,
-        # and so may all faces that the kernel did not let share their edges.
+        # Few faces that have an outline of their own for their triangles may be trimmed better when these are asked for at once, and so may
+        # all faces that the kernel did not let share their edges. Bent surfaces are not asked for more: the kernel may take minutes for them.
         failed, alone = (sum(one in ("alone", "lost") for one in many) for many in (how, [face.trimmed for face in model.faces]))
-        if model.valid and alone == failed and not (failed <= _FEW and NO_TRIANGLES in trimmed.made.failures.values()):
+        if model.valid and alone == failed and (trimmed.bent or not 0 < failed <= _FEW):
             break
     assert best is not None
     tell(_STEPS, _STEPS)

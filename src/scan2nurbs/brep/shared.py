@@ -26,8 +26,6 @@ Floats = NDArray[np.float64]
 
 _NEAR = 0.02
 
-NO_TRIANGLES = "It cannot be triangulated."
-
 
 @dataclass(frozen=True)
 class SharedFaces:
@@ -123,7 +121,7 @@ def _fault(made: Sequence[Any], fine: bool) -> str:
     """Return what is wrong with the faces that a face was made into, nothing if nothing is."""
     if not all(is_valid(face) for face in made):
         return "The CAD kernel's check finds it invalid."
-    return "" if all(is_valid_meshed(face, every=fine) for face in made) else NO_TRIANGLES
+    return "" if all(is_valid_meshed(face, every=fine) for face in made) else "It cannot be triangulated."
 
 
 def _outline(work: _Work, kernel: KernelPart, loop: Sequence[tuple[int, bool]]) -> list[object]:
