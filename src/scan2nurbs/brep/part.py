@@ -193,7 +193,7 @@ def build_part(
         model = _model(points, trimmed.shapes, topology, trimmed.made, faces, how, scale, factor, params, notes)
         best = model if best is None or _rank(model) > _rank(best) else best
         # Few faces that have an outline of their own for their triangles may be trimmed better when these are asked for at once, and so may
-        # all faces that the kernel did not let share their edges. Bent surfaces are not asked for more: the kernel may take minutes for them.
+        # all faces that the kernel did not let share their edges. Bent surfaces are not asked for more: that may take minutes.
         failed, alone = (sum(one in ("alone", "lost") for one in many) for many in (how, [face.trimmed for face in model.faces]))
         if model.valid and alone == failed and (trimmed.bent or not 0 < failed <= _FEW):
             break
