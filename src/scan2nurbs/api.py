@@ -1,8 +1,12 @@
-"""The stages as plain functions on anything that holds points; results are per row of the input."""
+"""The stages as plain functions on anything that holds points; results are per row of the input.
+
+Each imports what it needs when it is called: who looks for edges does not wait for the fitting of surfaces to be loaded.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,12 +14,13 @@ from scan2nurbs.cloud import PointCloud, PointSource, as_cloud
 from scan2nurbs.edges.detect import Edges, detect
 from scan2nurbs.edges.kinds import with_kinds
 from scan2nurbs.edges.params import EdgeParams
-from scan2nurbs.faces.segmentation import Faces
 from scan2nurbs.kernels.runner import Progress
-from scan2nurbs.part import PartParams, StageProgress, part_scan
 from scan2nurbs.scale import Scale, measure_scale
-from scan2nurbs.surfaces.fit import FitParams, SurfaceFit
-from scan2nurbs.surfaces.fit import fit_surface as fit_points
+
+if TYPE_CHECKING:
+    from scan2nurbs.faces.segmentation import Faces
+    from scan2nurbs.part import PartParams, StageProgress
+    from scan2nurbs.surfaces.fit import FitParams, SurfaceFit
 
 
 @dataclass(frozen=True)
@@ -130,6 +135,8 @@ def fit_surface(source: PointSource, params: FitParams | None = None, *, progres
     NoResultError
         If the points do not determine a surface.
     """
+    from scan2nurbs.surfaces.fit import fit_surface as fit_points  # noqa: PLC0415
+
     cloud = as_cloud(source)
     fit = fit_points(cloud.points, params, progress=progress)
     surface = replace(fit.surface, control_points=fit.surface.control_points + cloud.origin)
@@ -167,5 +174,7 @@ def segment(source: PointSource, params: PartParams | None = None, *, progress: 
     NoResultError
         If the points lie on no surface, or no face is found among them.
     """
+    from scan2nurbs.part import part_scan  # noqa: PLC0415
+
     parted = part_scan(source, params, progress=progress)
     return replace(parted.faces, label=parted.label)

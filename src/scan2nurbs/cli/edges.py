@@ -46,11 +46,9 @@ def edges(
     check_outputs([(output, POINTS), (curves, CURVES), (common.report, REPORTS)], [scan, common.config])
     with running("edges", common, scan) as session:
         from scan2nurbs.api import edges_by_row  # noqa: PLC0415
-        from scan2nurbs.cli.edge_curves import network_record, write_network  # noqa: PLC0415
         from scan2nurbs.cloud import as_cloud  # noqa: PLC0415
         from scan2nurbs.edges.detect import detect  # noqa: PLC0415
         from scan2nurbs.edges.kinds import BORDER, with_kinds  # noqa: PLC0415
-        from scan2nurbs.edges.network import edge_network  # noqa: PLC0415
         from scan2nurbs.scale import measure_scale  # noqa: PLC0415
 
         with session.watch("read"):
@@ -61,6 +59,8 @@ def edges(
             found = with_kinds(scale, detect(cloud.points, scale, params, bar), bar)
         network = None
         if curves is not None:
+            from scan2nurbs.edges.network import edge_network  # noqa: PLC0415
+
             with session.watch("curves"):
                 border = None if found.kind is None else found.kind == BORDER
                 network = edge_network(cloud.points, scale, found.mask, border=border)
@@ -70,9 +70,13 @@ def edges(
                 if output is not None:
                     write_edges(output, cloud, found)
                 if curves is not None and network is not None:
+                    from scan2nurbs.cli.edge_curves import write_network  # noqa: PLC0415
+
                     write_network(curves, cloud, network, scale.h)
         record = edges_record(cloud, found, params)
         if network is not None:
+            from scan2nurbs.cli.edge_curves import network_record  # noqa: PLC0415
+
             record["edges"]["curves"] = network_record(network)
         facts = edges_facts(record)
         outputs = [output, curves]

@@ -78,7 +78,7 @@ def nearest_distance(cells: Cells, *, reach: float, progress: Progress | None = 
 @kernel
 def _nearest_distance(cells, start_reach, start, stop, out):
     points = cells.points
-    most = 4.0 * cells.size * np.max(cells.shape)
+    most = 4.0 * cells.size * max(cells.shape[0], cells.shape[1], cells.shape[2])
     centre, low, high = np.empty(3), np.empty(3), np.empty(3)
     runs = np.empty((64, 2), np.int64)
     table = np.empty((3, COLUMNS))
@@ -212,6 +212,7 @@ def nearest_to(cells: Cells, queries: NDArray[np.float64], k: int) -> tuple[NDAr
     """
     index = np.full((len(queries), k), -1, np.int32)
     distance = np.full((len(queries), k), np.inf)
+    queries = np.ascontiguousarray(queries)  # one compilation serves all
     run_ranges(lambda start, stop: _nearest_to(cells, queries, start, stop, index, distance), len(queries), size=64)
     return index, distance
 
