@@ -46,7 +46,7 @@ class EdgeParams:
         Whether radii are lengths in the cloud's unit.
     exact : bool
         Whether the paper's operators sum every point; else small cells stand for the points in VDN of balls of more than about 500,
-        and in normals of balls of more than about 1,300, which moves normals by less than half a degree (docs/performance.md).
+        and in normals of balls of more than about 2,500, which moves normals by less than half a degree (docs/performance.md).
     alpha : float
         Weight α of DN in EDN, [0, 1].
     beta : float, optional

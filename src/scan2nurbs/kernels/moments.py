@@ -29,9 +29,9 @@ WIDENING = 2.0**0.5
 # Where fewer points than this are expected in a ball, the table serves two widenings too.
 SPARSE = 12.0
 # Where a cube of this part of the radius would hold so many points on average, it takes their place in the sectors of a ball (about
-# 500 points a ball), or in the ball as well (about 1,300).
+# 500 points a ball), or in the ball as well (about 2,500).
 SECTOR_CLUSTER, SECTOR_CLUSTERED = 1.0 / 5.5, 5.0
-BALL_CLUSTER, BALL_CLUSTERED = 1.0 / 9.0, 5.0
+BALL_CLUSTER, BALL_CLUSTERED = 1.0 / 9.0, 10.0
 
 
 class BallPlanes(NamedTuple):
@@ -91,7 +91,7 @@ def ball_planes(
         Whether to leave out `mean` and `variance`.
     exact : bool
         Whether each point of a ball is summed, however many there are; else small cells stand for the points of its sectors where it
-        holds more than about 500, and for its own where it holds more than about 1,300.
+        holds more than about 500, and for its own where it holds more than about 2,500.
     input_order : bool
         Whether results stand in the order of the points that the cells were built from. Written as they are found, they cost no
         pass of their own over memory.
