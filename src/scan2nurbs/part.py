@@ -11,7 +11,7 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from scan2nurbs.brep.part import ModelParams, PartModel, build_part
+from scan2nurbs.brep.part import ModelParams, PartModel
 from scan2nurbs.brep.write import WrittenModel
 from scan2nurbs.brep.write_part import write_part
 from scan2nurbs.cloud import PointCloud, PointSource, as_cloud
@@ -23,6 +23,7 @@ from scan2nurbs.faces.segmentation import SegmentParams, segment_points
 from scan2nurbs.faces.topology import Topology, TopologyParams, find_topology
 from scan2nurbs.kernels.runner import Progress
 from scan2nurbs.part_faces import BoundaryStep, Parted, by_topology, corrected, corrected_edges, deviations
+from scan2nurbs.part_readings import build_from_readings, without_relations
 from scan2nurbs.part_report import part_report
 from scan2nurbs.report.colours import face_colours
 from scan2nurbs.report.record import Stopwatch
@@ -168,7 +169,7 @@ def reconstruct(
     parted = part_scan(source, params, unit=unit, progress=progress, watch=watch, run=run)
     do = _runner(watch, run)
     points, scale, faces = parted.cloud.points, parted.scale, parted.faces
-    related = None
+    related, unrelated = None, faces.fits
     if params.relations:
         given = params.relation_params
         related = do(
@@ -183,12 +184,17 @@ def reconstruct(
         (params.relations, params.topology),
         lambda: find_topology(points, faces.label, fits, scale, params.topology, _stage(progress, "finding borders")),
     )
-    part = do(
-        "model", params.model, lambda: build_part(points, fits, topology, scale, params.model, _stage(progress, "building the model"))
+    tell = _stage(progress, "building the model")
+    read = do(
+        "model",
+        params.model,
+        lambda: build_from_readings(points, faces.label, fits, unrelated, topology, scale, params.topology, params.model, tell),
     )
-    parted = by_topology(parted, topology)
-    deviation = deviations(points, parted.faces.label, parted.faces.fits, topology.outward)
-    model = Model(**vars(parted), related=related, topology=topology, part=part, deviation=deviation, report={})
+    if related is not None:
+        related = without_relations(related, read, parted.names)
+    parted = by_topology(replace(parted, faces=replace(parted.faces, fits=read.fits)), read.topology)
+    deviation = deviations(points, parted.faces.label, parted.faces.fits, read.topology.outward)
+    model = Model(**vars(parted), related=related, topology=read.topology, part=read.part, deviation=deviation, report={})
     return replace(model, report=part_report(model, params, watch.seconds))
 
 

@@ -21,6 +21,8 @@ AGREE = 0.3
 CAP = 8.0
 """Most that a deviation costs: four standard deviations."""
 ROUNDS = 3
+PARTS = 10
+"""Of so many points next to each other one may be left out."""
 _SAMPLE = 20_000
 
 
@@ -53,7 +55,9 @@ class Samples:
     spread: float
 
 
-def take_samples(points: Floats, label: NDArray[np.int32], shapes: Sequence[Shape], scale: Scale, max_points: int) -> Samples:
+def take_samples(
+    points: Floats, label: NDArray[np.int32], shapes: Sequence[Shape], scale: Scale, max_points: int, without: int = 0
+) -> Samples:
     """Move points onto their faces' surfaces, where their labels are settled and the surface is near.
 
     Parameters
@@ -65,9 +69,12 @@ def take_samples(points: Floats, label: NDArray[np.int32], shapes: Sequence[Shap
     scale : Scale
     max_points : int
         Every so many of the sorted points is taken of more than these.
+    without : int
+        Which tenth of the points to leave out, from 1 to 10; 0 for none.
     """
     step = -(-len(points) // max_points)
     rows = scale.cells.order[::step]
+    rows = np.delete(rows, np.s_[without - 1 :: PARTS]) if without else rows
     points, label = points[rows], label[rows].astype(np.int32)
     neighbours, _ = _neighbours(points, scale.h * math.sqrt(step))
     spread = max(min(scale.noise, _scatter(points, label, shapes)), 0.02 * scale.h)

@@ -80,6 +80,8 @@ def find_topology(
     scale: Scale,
     params: TopologyParams | None = None,
     progress: Progress | None = None,
+    *,
+    reading: int = 0,
 ) -> Topology:
     """Find the faces, borders and vertices of a part.
 
@@ -96,6 +98,8 @@ def find_topology(
     params : TopologyParams, optional
     progress : callable, optional
         Called with (stages done, stages).
+    reading : int
+        0, or which tenth of the points to leave out, from 1 to 10, so that borders are drawn through others.
 
     Raises
     ------
@@ -111,7 +115,7 @@ def find_topology(
     """
     params = params or TopologyParams()
     tell = (lambda done: progress(done, STAGES)) if progress else (lambda _done: None)
-    samples = take_samples(points, label, [f.shape for f in fits], scale, params.max_points)
+    samples = take_samples(points, label, [f.shape for f in fits], scale, params.max_points, reading)
     if len(samples.points) < 4:
         raise NoResultError(f"Only {len(samples.points)} points lie on the surfaces of faces: too few for a part.")
     tell(1)

@@ -1,0 +1,135 @@
+"""A part's model from that reading of its borders that closes it: where faces do not fit their neighbours, all is read once more."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scan2nurbs.brep.part import ModelParams, PartModel, build_part
+from scan2nurbs.errors import NoResultError
+from scan2nurbs.faces.topology import Topology, TopologyParams, find_topology
+from scan2nurbs.kernels.runner import Progress
+from scan2nurbs.scale import Scale
+from scan2nurbs.surfaces.relations import Related
+from scan2nurbs.surfaces.shape_fit import ShapeFit
+
+READINGS = 4
+"""Most readings of a part."""
+_HOPE, _SOME = 0.15, 4
+"""Where more than this share of the faces, and more than so many, do not fit their neighbours, another reading would not help."""
+_LESS = 0.02
+"""How much more of the scan a model has to cover to be the better one for it, closed or not."""
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A part as one reading of its borders gives it.
+
+    Attributes
+    ----------
+    part : PartModel
+    topology : Topology
+    fits : tuple of ShapeFit
+        The surfaces it was built of.
+    released : frozenset of int
+        Faces, as the fits are numbered, whose surfaces were taken as they were before relations were imposed.
+    """
+
+    part: PartModel
+    topology: Topology
+    fits: tuple[ShapeFit, ...]
+    released: frozenset[int] = frozenset()
+
+    @property
+    def misfits(self) -> list[int]:
+        """The topology's faces that do not share their edges with their neighbours."""
+        return [f for f, face in enumerate(self.part.faces) if face.trimmed in ("alone", "lost")]
+
+    @property
+    def fits_together(self) -> bool:
+        """Whether there is nothing that another reading might do better: an open scan is not closed by reading it again."""
+        return self.part.valid and (self.part.closed or not self.misfits)
+
+    def betters(self, other: Reading) -> bool:
+        """Tell whether this is the better model of the two."""
+        mine, its = self.part, other.part
+        if mine.valid != its.valid:
+            return mine.valid
+        if abs(mine.coverage - its.coverage) > _LESS:
+            return mine.coverage > its.coverage
+        return (mine.closed, -len(self.misfits), -mine.n_free_edges) > (its.closed, -len(other.misfits), -its.n_free_edges)
+
+
+def build_from_readings(
+    points: NDArray[np.float64],
+    label: NDArray[np.int32],
+    fits: Sequence[ShapeFit],
+    unrelated: Sequence[ShapeFit],
+    topology: Topology,
+    scale: Scale,
+    topology_params: TopologyParams,
+    params: ModelParams,
+    progress: Progress | None = None,
+) -> Reading:
+    """Build the model of a part; where a face does not fit its neighbours, read the borders again and take the best of the models.
+
+    Parameters
+    ----------
+    points : (N, 3) float64
+    label : (N,) int32
+        Face of each point, −1 for none.
+    fits, unrelated : sequence of ShapeFit
+        The surface of each face, under its relations and before any were imposed.
+    topology : Topology
+        The first reading.
+    scale : Scale
+    topology_params, params : TopologyParams, ModelParams
+    progress : callable, optional
+
+    Raises
+    ------
+    NoResultError
+        If no face could be made at all.
+
+    Notes
+    -----
+    Where a border runs within the spacing of the points is chance, and now and then chance draws one that no face can be trimmed by. Each
+    further reading leaves out another tenth of the points, so that its borders are others. A surface that a relation has moved may
+    also have been moved off a neighbour that the relation does not know of: around what does not fit, relations are given up, in the
+    last reading all of them. Deterministic.
+    """
+    best = last = Reading(build_part(points, fits, topology, scale, params, progress), topology, tuple(fits))
+    related = frozenset(f for f, fit in enumerate(fits) if fit is not unrelated[f])
+    for turn in range(1, READINGS):
+        if best.fits_together or len(last.misfits) > max(_SOME, _HOPE * len(last.part.faces)):
+            break
+        released = (last.released | _around(last)) & related if turn < READINGS - 1 else related
+        use = tuple(unrelated[f] if f in released else fit for f, fit in enumerate(fits))
+        try:
+            again = find_topology(points, label, use, scale, topology_params, reading=turn)
+            last = Reading(build_part(points, use, again, scale, params, progress), again, use, released)
+        except NoResultError:
+            continue
+        best = last if last.betters(best) else best
+    return best
+
+
+def without_relations(related: Related, reading: Reading, names: Sequence[str]) -> Related:
+    """Return the relations that hold in a reading, and say what was given up."""
+    kept = tuple(relation for relation in related.relations if not reading.released.intersection(relation.faces))
+    if len(kept) == len(related.relations):
+        return replace(related, fits=reading.fits)
+    lost = len(related.relations) - len(kept)
+    given_up = ", ".join(names[f] for f in sorted(reading.released))
+    note = f"{lost} relations of {given_up} were given up, since with them a face did not fit its neighbours."
+    return Related(reading.fits, kept, (*related.notes, note))
+
+
+def _around(reading: Reading) -> frozenset[int]:
+    """Return the surfaces of the faces that do not fit, and of their neighbours."""
+    misfits = set(reading.misfits)
+    near = misfits | {f for border in reading.topology.borders for f in border.faces if f >= 0 and misfits.intersection(border.faces)}
+    return frozenset(int(reading.topology.source[f]) for f in near)
