@@ -1,0 +1,122 @@
+"""Other readings of a part's borders where a face does not fit its neighbours."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from scan2nurbs import part_readings
+from scan2nurbs.brep.part import ModelParams, build_part
+from scan2nurbs.faces.relabel import PARTS, take_samples
+from scan2nurbs.faces.topology import TopologyParams, find_topology
+from scan2nurbs.part_readings import READINGS, Reading, build_from_readings, without_relations
+from scan2nurbs.scale import measure_scale
+from scan2nurbs.surfaces.relations import Related, Relation
+from test_topology import Fit, box, noisy
+
+SIZE = (30.0, 24.0, 18.0)
+
+
+@dataclass(frozen=True)
+class Made:
+    """What a comparison of readings looks at of a model's face."""
+
+    trimmed: str
+
+
+def scanned_box():
+    rng = np.random.default_rng(1)
+    points, label, fits = box(SIZE, rng)
+    points = noisy(points, rng)
+    return points, label, tuple(fits), measure_scale(points)
+
+
+def tilted(fits, face, towards, degrees):
+    """Turn a plane by a relation that should not have been imposed."""
+    angle, shape = np.radians(degrees), fits[face].shape
+    direction = np.cos(angle) * shape.direction + np.sin(angle) * fits[towards].shape.direction
+    moved = Fit(replace(shape, direction=direction / np.linalg.norm(direction)))
+    return tuple(moved if f == face else fit for f, fit in enumerate(fits))
+
+
+def read(points, label, fits, unrelated, scale):
+    topology = find_topology(points, label, fits, scale)
+    return build_from_readings(points, label, fits, unrelated, topology, scale, TopologyParams(), ModelParams())
+
+
+def test_a_relation_that_spoils_a_part_is_given_up():
+    points, label, fits, scale = scanned_box()
+    related = tilted(fits, 5, 2, 60.0)
+    assert not build_part(points, related, find_topology(points, label, related, scale), scale).closed
+    found = read(points, label, related, fits, scale)
+    assert found.part.valid
+    assert found.part.closed
+    assert found.part.coverage > 0.99
+    assert found.part.volume == pytest.approx(np.prod(SIZE), rel=0.02)
+    assert found.released == {5}
+    assert found.fits[5] is fits[5]
+
+
+def test_what_fits_is_read_once(monkeypatch):
+    points, label, fits, scale = scanned_box()
+    counted = []
+    monkeypatch.setattr(part_readings, "build_part", lambda *given: counted.append(0) or build_part(*given))
+    found = read(points, label, fits, fits, scale)
+    assert found.part.closed
+    assert found.released == frozenset()
+    assert len(counted) == 1
+
+
+def test_there_are_so_many_readings_and_no_more(monkeypatch):
+    points, label, fits, scale = scanned_box()
+    whole = build_part(points, fits, find_topology(points, label, fits, scale), scale)
+    one_apart = replace(whole, closed=False, n_free_edges=3, faces=(replace(whole.faces[0], trimmed="alone"), *whole.faces[1:]))
+    counted = []
+    monkeypatch.setattr(part_readings, "build_part", lambda *given: counted.append(0) or one_apart)
+    assert not read(points, label, fits, fits, scale).part.closed
+    assert len(counted) == READINGS
+
+
+def test_each_reading_leaves_out_another_tenth():
+    points, label, fits, scale = scanned_box()
+    shapes = [fit.shape for fit in fits]
+    counts = [len(take_samples(points, label, shapes, scale, 10**6, without).points) for without in range(PARTS + 1)]
+    assert sum(counts[0] - count for count in counts[1:]) == pytest.approx(counts[0], rel=0.02)
+    first, second = (find_topology(points, label, fits, scale, reading=reading) for reading in (1, 2))
+    assert (first.n_faces, len(first.borders), len(first.vertices)) == (6, 12, 8)
+    assert (second.n_faces, len(second.borders), len(second.vertices)) == (6, 12, 8)
+    assert not np.array_equal(first.mesh.vertices, second.mesh.vertices)
+
+
+@pytest.mark.parametrize(
+    ("better", "worse"),
+    [
+        ({"valid": True}, {"valid": False, "closed": True}),
+        ({"closed": True}, {"closed": False}),
+        ({"closed": False, "coverage": 0.99}, {"closed": True, "coverage": 0.5}),
+        ({"closed": True, "coverage": 0.985}, {"closed": False, "coverage": 0.99}),
+        ({"closed": False, "n_free_edges": 9}, {"closed": False, "faces": (Made("alone"),), "n_free_edges": 3}),
+        ({"closed": False, "n_free_edges": 3}, {"closed": False, "n_free_edges": 9}),
+    ],
+)
+def test_the_better_of_two_readings(better, worse):
+    points, label, fits, scale = scanned_box()
+    topology = find_topology(points, label, fits, scale)
+    whole = build_part(points, fits, topology, scale)
+    one, other = (Reading(replace(whole, **changed), topology, fits) for changed in (better, worse))
+    assert one.betters(other)
+    assert not other.betters(one)
+
+
+def test_relations_of_released_faces_are_not_listed():
+    points, label, fits, scale = scanned_box()
+    topology = find_topology(points, label, fits, scale)
+    part = build_part(points, fits, topology, scale)
+    relations = (Relation("parallel", (0, 1), 0.1, 0.0, 0.0), Relation("parallel", (2, 3), 0.1, 0.0, 0.0))
+    related = Related(fits, relations, ("Said before.",))
+    names = [f"plane_{f}" for f in range(6)]
+    kept = without_relations(related, Reading(part, topology, fits, frozenset({3})), names)
+    assert kept.relations == relations[:1]
+    assert kept.notes[0] == "Said before."
+    assert "plane_3" in kept.notes[1]
+    assert without_relations(related, Reading(part, topology, fits), names) == related
