@@ -18,8 +18,8 @@ from scan2nurbs.surfaces.shape_fit import ShapeFit
 
 READINGS = 4
 """Most readings of a part."""
-_HOPE, _SOME = 0.15, 4
-"""Where more than this share of the faces, and more than so many, do not fit their neighbours, another reading would not help."""
+_SOME = 4
+"""Where more faces than these do not fit their neighbours, another reading does not help: their surfaces are wrong."""
 _LESS = 0.02
 """How much more of the scan a model has to cover to be the better one for it, closed or not."""
 
@@ -104,7 +104,7 @@ def build_from_readings(
     best = last = Reading(build_part(points, fits, topology, scale, params, progress), topology, tuple(fits))
     related = frozenset(f for f, fit in enumerate(fits) if fit is not unrelated[f])
     for turn in range(1, READINGS):
-        if best.fits_together or len(last.misfits) > max(_SOME, _HOPE * len(last.part.faces)):
+        if best.fits_together or len(last.misfits) > _SOME:
             break
         released = (last.released | _around(last)) & related if turn < READINGS - 1 else related
         use = tuple(unrelated[f] if f in released else fit for f, fit in enumerate(fits))

@@ -10,9 +10,10 @@ from typing import Any
 
 from scan2nurbs.brep.occ import CONFUSION, kernel_errors, silence
 
-_MESHES = ((1e-2, 0.0, 0.5), (2e-3, 2e-3, 0.1))
-"""Coarse and fine: deflection and least size, as shares of a shape's extent, and angle. Programs choose theirs, and the sides of a narrow
-place may cross in one of them only."""
+_MESHES = ((1e-2, 0.0, 0.5), (1e-2, 2e-3, 0.5), (2e-3, 2e-3, 0.1))
+"""Coarse, coarse with small triangles where they are needed, and fine: deflection and least size, as shares of a shape's extent, and angle.
+Programs choose theirs, and the sides of a narrow place may cross in one of them only. Where they do so in the second, the third may take
+the kernel for ever."""
 _FAILURES = 0x1 | 0x2 | 0x4
 """IMeshData_Status: an open wire, a wire that crosses itself, a failure."""
 
@@ -126,8 +127,8 @@ def is_valid_meshed(shape: Any, every: bool = True) -> bool:
     if box.IsVoid():
         return True
     extent = box.SquareExtent() ** 0.5
-    found = (_meshes(shape, deflection * extent, least * extent, angle) for deflection, least, angle in _MESHES)
-    return all(found) if every else any(found)
+    coarse, *finer = (lambda m=m: _meshes(shape, m[0] * extent, m[1] * extent, m[2]) for m in _MESHES)
+    return coarse() and all(mesh() for mesh in finer) if every else coarse() or all(mesh() for mesh in finer)
 
 
 def _meshes(shape: Any, deflection: float, least: float, angle: float) -> bool:
