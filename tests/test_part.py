@@ -8,7 +8,6 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from scan2nurbs.brep import part
 from scan2nurbs.brep.borders import _ends, _guide, lay_borders
 from scan2nurbs.brep.check import check
 from scan2nurbs.brep.part import build_part
@@ -351,25 +350,6 @@ def test_faces_stay_where_the_kernel_refuses_all_that_share_edges(monkeypatch):
     assert [face.trimmed for face in part.faces] == ["alone"] * 3
     assert any("edges of its own" in note for note in part.notes)
     assert part.coverage > 0.99
-
-
-def test_a_face_that_fails_for_its_triangles_is_tried_with_fine_ones_from_the_start(monkeypatch):
-    asked = []
-    trim, complete = part.trim_part, part._completed
-
-    def trimmed(*given):
-        asked.append(given[-1])
-        return trim(*given)
-
-    def completed(*given):
-        faces, how = complete(*given)
-        return (faces, how) if asked[-1] else ([(), *faces[1:]], ["lost", *how[1:]])
-
-    monkeypatch.setattr(part, "trim_part", trimmed)
-    monkeypatch.setattr(part, "_completed", completed)
-    model = box().build(noise=0.3)
-    assert asked == [False, True]
-    assert model.closed
 
 
 @pytest.mark.parametrize(("caution", "apart"), [(0, 0.05), (1, 0.0)])

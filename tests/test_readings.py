@@ -60,7 +60,7 @@ def test_a_relation_that_spoils_a_part_is_given_up():
 def test_what_fits_is_read_once(monkeypatch):
     points, label, fits, scale = scanned_box()
     counted = []
-    monkeypatch.setattr(part_readings, "build_part", lambda *given: counted.append(0) or build_part(*given))
+    monkeypatch.setattr(part_readings, "build_part", lambda *given, **how: counted.append(0) or build_part(*given, **how))
     found = read(points, label, fits, fits, scale)
     assert found.part.closed
     assert found.released == frozenset()
@@ -72,9 +72,9 @@ def test_there_are_so_many_readings_and_no_more(monkeypatch):
     whole = build_part(points, fits, find_topology(points, label, fits, scale), scale)
     one_apart = replace(whole, closed=False, n_free_edges=3, faces=(replace(whole.faces[0], trimmed="alone"), *whole.faces[1:]))
     counted = []
-    monkeypatch.setattr(part_readings, "build_part", lambda *given: counted.append(0) or one_apart)
+    monkeypatch.setattr(part_readings, "build_part", lambda *_given, fine=False: counted.append(fine) or one_apart)
     assert not read(points, label, fits, fits, scale).part.closed
-    assert len(counted) == READINGS
+    assert counted == [False] + [True] * (READINGS - 1)
 
 
 def test_each_reading_leaves_out_another_tenth():

@@ -20,6 +20,8 @@ READINGS = 4
 """Most readings of a part."""
 _SOME = 4
 """Where more faces than these do not fit their neighbours, another reading does not help: their surfaces are wrong."""
+_COVERED = 0.95
+"""Where a model covers less of the scan than this, a surface is missing, or is on the wrong side of its borders."""
 _LESS = 0.02
 """How much more of the scan a model has to cover to be the better one for it, closed or not."""
 
@@ -51,7 +53,8 @@ class Reading:
     @property
     def fits_together(self) -> bool:
         """Whether there is nothing that another reading might do better: an open scan is not closed by reading it again."""
-        return self.part.valid and (self.part.closed or not self.misfits)
+        part = self.part
+        return part.valid and part.coverage >= _COVERED and (part.closed or not self.misfits)
 
     def betters(self, other: Reading) -> bool:
         """Tell whether this is the better model of the two."""
@@ -110,7 +113,9 @@ def build_from_readings(
         use = tuple(unrelated[f] if f in released else fit for f, fit in enumerate(fits))
         try:
             again = find_topology(points, label, use, scale, topology_params, reading=turn)
-            last = Reading(build_part(points, use, again, scale, params, progress), again, use, released)
+            # Triangles are what some faces fail for. Bent surfaces are not asked for fine ones: that may take minutes.
+            fine = all(face.trimmed != "bent" for face in last.part.faces)
+            last = Reading(build_part(points, use, again, scale, params, progress, fine=fine), again, use, released)
         except NoResultError:
             continue
         best = last if last.betters(best) else best

@@ -37,6 +37,8 @@ _FARTHEST = 5.0
 """A surface farther than this from its border, in h, is another one."""
 _HOLD, _STAY, _SMOOTH = 0.05, 0.3, 0.15
 _MESH_NOISE = 0.05
+_FOLDS = 32
+"""Cells of a bent surface that may fold, beside its borders: sound ones have four, those in which triangulation is lost hundreds."""
 
 
 def yielding(
@@ -123,7 +125,7 @@ def conformed(shape: Shape, loops: Sequence[Floats], h: float, towards: Floats |
     Raises
     ------
     NoResultError
-        If the face holds a pole, goes around as a whole, or lies far from its borders.
+        If the face holds a pole, goes around as a whole, lies far from its borders, or would fold.
 
     Notes
     -----
@@ -156,7 +158,16 @@ def conformed(shape: Shape, loops: Sequence[Floats], h: float, towards: Floats |
     moved = (grid + offset.reshape(-1, 1) * wide.normal(grid)).reshape(*u.shape, 3)
     if around[0]:
         moved[-1] = moved[0]
+    if _folds(moved) > _FOLDS:
+        raise NoResultError("A surface bent so far would fold.")
     return WideSpline(bicubic((axes[0], axes[1]), moved, (around[0], False)))
+
+
+def _folds(grid: Floats) -> int:
+    """Count the cells of a grid (U, V, 3) that are turned by more than a right angle against the next one."""
+    normal = np.cross(np.diff(grid, axis=0)[:, :-1], np.diff(grid, axis=1)[:-1])
+    turned = [np.einsum("uvk,uvk->uv", normal[1:], normal[:-1]) < 0.0, np.einsum("uvk,uvk->uv", normal[:, 1:], normal[:, :-1]) < 0.0]
+    return sum(np.count_nonzero(t) for t in turned)
 
 
 def _nodes(chart: Chart, uv: Floats, moved: NDArray[np.bool_], axis: int, around: bool, h: float) -> Floats:

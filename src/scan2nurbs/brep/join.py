@@ -10,11 +10,15 @@ from scan2nurbs.brep.alone import trim_alone
 from scan2nurbs.brep.check import check, is_valid, is_valid_meshed
 from scan2nurbs.brep.endure import endures
 from scan2nurbs.brep.sewn import sew
-from scan2nurbs.brep.solids import Assembled, apart, assemble, compound
+from scan2nurbs.brep.solids import Assembled, apart, area, assemble, compound
+from scan2nurbs.brep.viewed import unseen
 from scan2nurbs.errors import NoResultError
 from scan2nurbs.faces.topology import Topology
 
 Pieces = tuple[Any, ...]
+
+_SHOWN = 4
+"""Most faces that leave their neighbours for how the part is shown."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +70,7 @@ def join_faces(
     NoResultError
         If no face is valid at all.
     """
-    whole = _together(faces)
+    faces, how, whole = _shown(faces, how, around, notes)
     if whole.n_free_edges and "alone" in how:
         sewn = sew(faces, widest * around.h * around.scale)
         if sewn is not None and endures((joined := _together(sewn)).shape):
@@ -91,6 +95,23 @@ def _together(faces: Sequence[Pieces]) -> Assembled:
     if not every:
         raise NoResultError("No face of the part could be made.")
     return assemble(every)
+
+
+def _shown(faces: list[Pieces], how: list[str], around: Surroundings, notes: list[str]) -> tuple[list[Pieces], list[str], Assembled]:
+    """Give outlines of their own to faces that would be lost, or spoil a neighbour, where the part is shown."""
+    faces, how, whole = list(faces), list(how), _together(faces)
+    for _ in range(_SHOWN):
+        lost = [f for f in unseen(faces, whole.shape) if how[f] not in ("alone", "lost")] if is_valid(whole.shape) else []
+        if not lost:
+            break
+        # Of two neighbours with a bad edge between them the narrower one is at fault.
+        worst = min(lost, key=lambda f: (sum(map(area, faces[f])), f))
+        faces[worst] = trim_alone(worst, around.shapes[worst], around.topology, around.h, around.scale)
+        how[worst] = "alone" if faces[worst] else "lost"
+        done = "it has its own outline." if faces[worst] else "it is left out."
+        notes.append(f"Face {worst + 1} ({around.shapes[worst].kind}) would be lost where the part is shown: {done}")
+        whole = _together(faces)
+    return faces, how, whole
 
 
 def _good(whole: Assembled) -> bool:

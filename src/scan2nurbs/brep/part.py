@@ -21,7 +21,7 @@ from scan2nurbs.brep.join import Surroundings, join_faces
 from scan2nurbs.brep.known import Known
 from scan2nurbs.brep.occ import silence
 from scan2nurbs.brep.shared import SharedFaces
-from scan2nurbs.brep.solids import compound, tolerance, volume
+from scan2nurbs.brep.solids import area, compound, tolerance, volume
 from scan2nurbs.errors import InputError, NoResultError
 from scan2nurbs.faces.topology import Fitted, Topology
 from scan2nurbs.kernels.runner import Progress
@@ -30,9 +30,10 @@ from scan2nurbs.scale import Scale
 Floats = NDArray[np.float64]
 
 _ASTRAY, _SOME = 3.0, 0.05
-_FEW = 4
-_STEPS = 2 * ATTEMPTS + 2
+_LEAST = 0.25
+"""A face of less than this share of the area above which it is too large, half of that of its mesh, is on the wrong side of its borders."""
 _TOO_LARGE = "It would reach far beyond its points"
+_TOO_SMALL = "It would leave out a part of its points"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -155,6 +156,8 @@ def build_part(
     scale: Scale,
     params: ModelParams | None = None,
     progress: Progress | None = None,
+    *,
+    fine: bool = False,
 ) -> PartModel:
     """Build the model of a part from its surfaces and from how they meet.
 
@@ -169,6 +172,9 @@ def build_part(
     scale : Scale
     params : ModelParams, optional
     progress : callable, optional
+    fine : bool
+        Whether each face must have fine triangles as well as coarse ones to count as trimmed: that takes longer, and now and then it
+        is what keeps a face with its neighbours.
 
     Raises
     ------
@@ -180,30 +186,13 @@ def build_part(
     if not len(fits):
         raise NoResultError("There is no face to build a model of.")
     factor = kernel_scale(float(np.linalg.norm(np.ptp(points, axis=0))))
-    tell = progress or (lambda done, total: None)
+    tell = progress or (lambda _done, _total: None)
     shapes = [fits[k].shape for k in topology.source]
-    known, best = Known(), None
-    for turn, fine in enumerate((False, True)):
-
-        def attempted(done: int, _: int, turn: int = turn) -> None:
-            tell(turn * (ATTEMPTS + 1) + done, _STEPS)
-
-        trimmed, notes = trim_part(shapes, topology, scale.h, factor, params.widest, params.bearable, attempted, known, fine)
-        faces, how = _completed(trimmed, shapes, topology, scale.h, factor, params, notes)
-        model = _model(points, trimmed.shapes, topology, trimmed.made, faces, how, scale, factor, params, notes)
-        best = model if best is None or _rank(model) > _rank(best) else best
-        # Few faces that have an outline of their own for their triangles may be trimmed better when these are asked for at once, and so may
-        # all faces that the kernel did not let share their edges. Bent surfaces are not asked for more: that may take minutes.
-        failed, alone = (sum(one in ("alone", "lost") for one in many) for many in (how, [face.trimmed for face in model.faces]))
-        if model.valid and alone == failed and (trimmed.bent or not 0 < failed <= _FEW):
-            break
-    assert best is not None
-    tell(_STEPS, _STEPS)
-    return best
-
-
-def _rank(model: PartModel) -> tuple[bool, bool, int]:
-    return model.valid, model.closed, -model.n_free_edges
+    trimmed, notes = trim_part(shapes, topology, scale.h, factor, params.widest, params.bearable, tell, Known(), fine)
+    faces, how = _completed(trimmed, shapes, topology, scale.h, factor, params, notes)
+    model = _model(points, trimmed.shapes, topology, trimmed.made, faces, how, scale, factor, params, notes)
+    tell(ATTEMPTS, ATTEMPTS)
+    return model
 
 
 def _completed(
@@ -219,8 +208,10 @@ def _completed(
     made, caution = trimmed.made, trimmed.caution
     faces, how = list(made.faces), []
     room = _room(topology, h)
+    least = np.where(np.isfinite(room), _LEAST * room - 20.0 * h**2, 0.0)
     for f in range(len(shapes)):
         why_not = made.failures.get(f, _TOO_LARGE if _is_astray(faces[f], room[f], topology, h, factor) else "")
+        why_not = why_not or (_TOO_SMALL if _size(faces[f], factor) < least[f] else "")
         why_not = why_not or _spoilt(faces[f], params.bearable * h * factor)
         if not why_not:
             borders = {k for loop in topology.loops[f] for k, _ in loop}
@@ -261,12 +252,12 @@ def _room(topology: Topology, h: float) -> Floats:
     if not len(topology.mesh.triangles):
         return np.full(topology.n_faces, np.inf)
     corners = topology.mesh.vertices[topology.mesh.triangles]
-    area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    return np.asarray(2.0 * np.bincount(topology.mesh.face, area, minlength=topology.n_faces) + 20.0 * h**2, np.float64)
+    sizes = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    return np.asarray(2.0 * np.bincount(topology.mesh.face, sizes, minlength=topology.n_faces) + 20.0 * h**2, np.float64)
 
 
 def _size(pieces: tuple[Any, ...], factor: float) -> float:
-    return sum(_area(face) for face in pieces) / factor**2
+    return sum(map(area, pieces)) / factor**2
 
 
 def _model(
@@ -309,12 +300,3 @@ def _edge(curve: BorderCurve) -> PartEdge:
     points = curve.curve(curve.curve.samples(64))
     length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
     return PartEdge(curve.faces, curve.curve.kind, curve.mode, curve.gap, curve.angle, length, points)
-
-
-def _area(face: Any) -> float:
-    from OCP.BRepGProp import BRepGProp  # pyright: ignore[reportAttributeAccessIssue]
-    from OCP.GProp import GProp_GProps  # pyright: ignore[reportAttributeAccessIssue]
-
-    found = GProp_GProps()
-    BRepGProp.SurfaceProperties_s(face, found)
-    return abs(float(found.Mass()))

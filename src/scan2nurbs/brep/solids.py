@@ -165,6 +165,16 @@ def volume(shape: Any) -> float:
     return float(found.Mass())
 
 
+def area(shape: Any) -> float:
+    """Return the area of a face or shape."""
+    from OCP.BRepGProp import BRepGProp
+    from OCP.GProp import GProp_GProps
+
+    found = GProp_GProps()
+    BRepGProp.SurfaceProperties_s(shape, found)
+    return abs(float(found.Mass()))
+
+
 def _contains(outer: Any, inner: Any) -> bool:
     """Return whether a vertex of one closed shell lies within another."""
     from OCP.BRep import BRep_Builder, BRep_Tool
