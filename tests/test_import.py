@@ -40,6 +40,36 @@ def test_no_process_waits_for_the_slowest_of_scipy():
     assert done.stdout.strip() == "False", done.stderr
 
 
+def test_edges_wait_for_nothing_that_only_surfaces_need():
+    code = (
+        "import sys, numpy as np\n"
+        "from scan2nurbs import EdgeParams, detect_edges\n"
+        "detect_edges(np.random.default_rng(0).random((500, 3)) * [1, 1, 0.01], EdgeParams(operator='edn'))\n"
+        "print([m for m in ('scan2nurbs.part', 'scan2nurbs.surfaces', 'scipy.interpolate', 'OCP') if m in sys.modules])"
+    )
+    done = python(code)
+    assert done.stdout.strip() == "[]", done.stderr
+
+
+def test_the_garbage_collector_rests_while_kernels_compile_and_is_left_as_it_was():
+    code = (
+        "import gc, numba, scan2nurbs.kernels.runner\n"
+        "from numba.core import event\n"
+        "seen = []\n"
+        "class Look(event.Listener):\n"
+        "    def on_start(self, event): seen.append(gc.isenabled())\n"
+        "    def on_end(self, event): pass\n"
+        "event.register('numba:compile', Look())\n"
+        "@numba.njit\n"
+        "def half(x):\n"
+        "    return x / 2\n"
+        "half(1.0); print(seen, gc.isenabled())\n"
+        "gc.disable(); half(1); print(gc.isenabled())"
+    )
+    done = python(code)
+    assert done.stdout.split("\n")[:2] == ["[False] True", "False"], done.stderr
+
+
 @pytest.mark.parametrize("name", scan2nurbs.__all__)
 def test_every_public_name_is_there(name):
     assert getattr(scan2nurbs, name) is not None

@@ -5,10 +5,12 @@ from __future__ import annotations
 import pytest
 
 from scan2nurbs.brep import check as checks
-from scan2nurbs.brep import endure, join
+from scan2nurbs.brep import endure, join, viewed
 from scan2nurbs.brep.check import is_valid_meshed
 from scan2nurbs.brep.endure import endures
 from scan2nurbs.brep.occ import KernelError
+from scan2nurbs.brep.solids import compound
+from scan2nurbs.brep.viewed import unseen
 from scan2nurbs.errors import NoResultError
 from test_part import box, rod
 
@@ -47,16 +49,9 @@ def test_a_body_endures():
 
 @pytest.mark.parametrize("possible", ["coarse", "fine"])
 def test_faces_need_coarse_and_fine_triangles_and_whole_parts_one_of_them(monkeypatch, possible):
-    seen = []
-
-    def meshes(shape, deflection, least, angle):
-        seen.append(deflection)
-        return (deflection == max(seen)) == (possible == "coarse") if len(seen) > 1 else possible == "coarse"
-
-    monkeypatch.setattr(checks, "_meshes", meshes)
+    monkeypatch.setattr(checks, "_meshes", lambda _shape, _deflection, least, _angle: (least > 0) == (possible == "fine"))
     square = polygon([(0, 0), (1, 0), (1, 1), (0, 1)])
     assert not is_valid_meshed(square)
-    seen.clear()
     assert is_valid_meshed(square, every=False)
 
 
@@ -81,3 +76,32 @@ def test_nothing_that_endures_is_an_error(monkeypatch):
     monkeypatch.setattr(join, "endures", lambda shape: False)
     with pytest.raises(NoResultError):
         rod().build()
+
+
+def test_all_faces_of_sound_bodies_are_seen():
+    for body in (box(), rod()):
+        part = body.build(noise=0.3)
+        assert unseen([face.shapes for face in part.faces], part.shape) == []
+
+
+def test_a_face_without_triangles_is_not_seen():
+    square, bow_tie = polygon([(0, 0), (9, 0), (9, 9), (0, 9)]), polygon([(20, 0), (29, 9), (29, 0), (20, 9)])
+    assert unseen([(square,), (bow_tie,)], compound([square, bow_tie])) == [1]
+
+
+def test_a_face_that_is_not_seen_leaves_its_neighbours(monkeypatch):
+    shown = []
+
+    def once(faces, shape):
+        shown.append(shape)
+        return [2, 3] if len(shown) == 1 else viewed.unseen(faces, shape)
+
+    monkeypatch.setattr(join, "unseen", once)
+    part = box(size=(8.0, 6.0, 5.0)).build()
+    assert part.valid
+    assert part.coverage > 0.99
+    alone = [f for f, face in enumerate(part.faces) if face.trimmed == "alone"]
+    assert len(alone) == 1
+    assert alone[0] in (0, 2)
+    assert part.faces[alone[0]].area == min(part.faces[f].area for f in (0, 2))
+    assert any("would be lost where the part is shown" in note for note in part.notes)
