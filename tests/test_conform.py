@@ -86,6 +86,8 @@ def test_what_cannot_be_bent_is_said():
         conformed(Sphere(ZERO, 10.0), [cap], 1.0, Z)
     with pytest.raises(NoResultError, match="far"):
         conformed(Plane(ZERO, Z), [rectangle(20.0, 20.0, lambda x, y: 9.0 * (x > 10))], 1.0)
+    with pytest.raises(NoResultError, match="fold"):
+        conformed(Plane(ZERO, Z), [rectangle(60.0, 30.0, lambda x, y: 4.0 * np.sin(2.2 * (x + y)))], 1.0)
 
 
 def stepped(step):

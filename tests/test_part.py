@@ -15,7 +15,7 @@ from scan2nurbs.brep.read import faces_of, read_shape
 from scan2nurbs.brep.write_part import write_part
 from scan2nurbs.errors import NoResultError, OutputError, ParameterError
 from scan2nurbs.faces.complex import Border, LabelledMesh, Topology
-from scan2nurbs.part_report import _sentence
+from scan2nurbs.part_report import _named, _sentence
 from scan2nurbs.scale import measure_scale
 from scan2nurbs.surfaces.cone import Cone
 from scan2nurbs.surfaces.cylinder import Cylinder
@@ -363,3 +363,35 @@ def test_with_caution_an_edge_ends_in_its_vertex(caution, apart):
 
 def test_directions_have_no_negative_zero():
     assert _sentence({"axis": [-1e-9, 0.0, -1.0]}, {}, "mm") == "axis (0.0000, 0.0000, -1.0000)"
+
+
+@pytest.mark.parametrize(
+    ("note", "named"),
+    [
+        (
+            "Face 2 (plane) does not fit its neighbours (Too wide): it has its own outline.",
+            "cone_5 does not fit its neighbours (Too wide): it",
+        ),
+        ("The surface of face 1 (torus) was bent to meet its neighbours.", "The surface of plane_0 was bent to meet its neighbours."),
+        ("The surfaces of faces 1 and 2 lie 0.56 spacings from", "The surfaces of plane_0 and cone_5 lie 0.56 spacings from"),
+        ("Faces with outlines of their own were sewn; 3 free edges are left.", "Faces with outlines of their own were sewn; 3 free"),
+        ("Face 9 (plane) could not be made.", "a face that was lost could not be made."),
+    ],
+)
+def test_notes_call_faces_by_their_names(note, named):
+    assert _named([note], {0: "plane_0", 1: "cone_5"}, 1)[0].startswith(named)
+
+
+def test_a_face_that_would_leave_out_most_of_its_points_gets_an_outline_of_its_own():
+    body = box()
+    shapes, borders, outward = body.shapes, body.borders, body.outward
+    whole = topology(borders, body.vertices, outward)
+    floor = np.array([[0, 0, 0], [8, 0, 0], [8, 6, 0], [0, 6, 0]], float)
+    tiles = [floor + np.array([0, 0, 0.001 * k]) for k in range(8)]  # a mesh that says the face is eight times as large as its borders hold
+    corners = np.concatenate(tiles)
+    quads = np.concatenate([[[4 * k, 4 * k + 1, 4 * k + 2], [4 * k, 4 * k + 2, 4 * k + 3]] for k in range(8)])
+    mesh = LabelledMesh(corners, quads.astype(np.int32), np.zeros(len(quads), np.int32))
+    scale = replace(measure_scale(body.points), h=0.2)
+    part = build_part(body.points, [Fit(s) for s in shapes], replace(whole, mesh=mesh), scale)
+    assert any("leave out a part of its points" in note for note in part.notes)
+    assert part.faces[0].trimmed != "shared"

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -134,8 +135,7 @@ def _edges(model: Model) -> list[dict[str, Any]]:
 def _relations(model: Model) -> list[dict[str, Any]]:
     if model.related is None:
         return []
-    # Relations were found before the topology gave the faces their order.
-    names = dict(zip(model.topology.source.tolist(), model.names, strict=False))
+    names = _names_before(model)
     return [
         {
             "kind": found.kind,
@@ -146,6 +146,21 @@ def _relations(model: Model) -> list[dict[str, Any]]:
         }
         for found in model.related.relations
     ]
+
+
+def _names_before(model: Model) -> dict[int, str]:
+    """Return the faces' names by the order in which relations were found, before the topology gave the faces theirs."""
+    return dict(zip(model.topology.source.tolist(), model.names, strict=False))
+
+
+def _named(notes: Sequence[str], names: Mapping[int, str], first: int) -> list[str]:
+    """Call faces by their names in notes that count them from `first`, as everything else in a report does."""
+
+    def name(found: re.Match[str]) -> str:
+        numbers = [int(number) - first for number in (found[1], found[2]) if number]
+        return " and ".join(names.get(number, "a face that was lost") for number in numbers)
+
+    return [re.sub(r"[Ff]aces? (\d+)(?: \(\w+\))?(?: and (\d+))?", name, note) for note in notes]
 
 
 def _model(model: Model) -> dict[str, Any]:
@@ -169,8 +184,8 @@ def _model(model: Model) -> dict[str, Any]:
 
 
 def _warnings(model: Model) -> list[str]:
-    related = () if model.related is None else model.related.notes
-    warnings = [*model.faces.notes, *related, *model.topology.notes, *model.part.notes]
+    related = [] if model.related is None else _named(model.related.notes, _names_before(model), 0)
+    warnings = [*model.faces.notes, *related, *model.topology.notes, *_named(model.part.notes, dict(enumerate(model.names)), 1)]
     if not model.part.valid:
         warnings.append("The CAD kernel's own check finds the model invalid.")
     if model.part.coverage < 0.95:
