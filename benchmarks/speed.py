@@ -3,10 +3,11 @@
     python -m benchmarks.speed [--parts PART ...] [--sizes N ...] [--peers PYTHON] [--crop N] [--repeats N] [--rounds N] [--freecad PYTHON]
 
 from the root of the checkout. The parts are the ratio of EDN to SciPy's spacing, both in turns in one process (`benchmarks.ratios`), the
-errors of clusters, normals beside other libraries, whole clouds, and B-spline fits (`benchmarks.fits`). PYTHON is one that has the extra
-``bench`` installed (this one by default). Normals and whole clouds are measured in a process each, after a warm-up on 3,000 points; the
-least of the repeats counts. Other libraries, which would take minutes, get a crop of the cloud of about ``--crop`` points, and so does
-scan2nurbs beside them. Prints the tables, and writes them to docs/speed.md and a picture to docs/images/speed/ where all parts ran.
+errors of clusters, normals beside other libraries, whole clouds, reading (`benchmarks.reading`), and B-spline fits (`benchmarks.fits`).
+PYTHON is one that has the extra ``bench`` installed (this one by default). Normals and whole clouds are measured in a process each, after
+a warm-up on 3,000 points; the least of the repeats counts. Other libraries, which would take minutes, get a crop of the cloud of about
+``--crop`` points, and so does scan2nurbs beside them. Prints the tables, and writes them to docs/speed.md, in place of those that stand
+there, and a picture to docs/images/speed/.
 """
 
 from __future__ import annotations
@@ -24,8 +25,9 @@ from scipy.spatial import KDTree
 
 from benchmarks.clouds import AREA, grid_cloud, random_cloud
 from benchmarks.fits import table
-from benchmarks.peers import PEERS
+from benchmarks.peers import PEERS, our_cells
 from benchmarks.ratios import SIZE, THREADS, cluster_errors, ratios
+from benchmarks.reading import reading
 from scan2nurbs.kernels.runner import set_threads
 
 SIZES = (100_000, 1_000_000, 1_678_267, 10_000_000)
@@ -33,6 +35,10 @@ RADII = (1.5, 3.0, 6.0, 30.0)
 CLOUDS = {"random": random_cloud, "grid": grid_cloud}
 SCRATCH = Path(tempfile.gettempdir()) / "scan2nurbs-speed"
 ROOT = Path(__file__).parent.parent
+HEAD = """# Speed
+
+Made by `python -m benchmarks.speed` on two threads. Ratios within one table hold; seconds are those of one machine.
+"""
 
 
 @dataclass(frozen=True)
@@ -122,7 +128,21 @@ def radius_normals(crop: int, python: str) -> tuple[list[str], dict[str, list[fl
                 f"| {found.seconds / ours.seconds:.1f} | {found.bytes_a_point:.0f} | {exact_error(points, found.result, radius)} |"
             )
             print(lines[-1], flush=True)
-    return lines, seconds
+    return [*lines, *sorted_for_peers(points, RADII[-1] * spacing, neighbours, python)], seconds
+
+
+def sorted_for_peers(points: NDArray[np.float64], radius: float, neighbours: float, python: str) -> list[str]:
+    """Time normals at the largest radius once more, the peers on points that lie side by side as they do in space."""
+    ours = run("scan2nurbs normals", points, radius, neighbours, 3)
+    side_by_side = points[our_cells(points, radius, neighbours).order]
+    lines = []
+    for name in PEERS:
+        found = run(name, side_by_side, radius, neighbours, 1, python)
+        if found is not None and ours is not None:
+            label, taken = f"{RADII[-1]:g} d̄, sorted points", found.seconds * 1e6 / len(points)
+            lines.append(f"| {label} | {neighbours:.0f} | {name} | {taken:.2f} | {found.seconds / ours.seconds:.1f} | | |")
+            print(lines[-1], flush=True)
+    return lines
 
 
 def draw(seconds: dict[str, list[float]], path: Path) -> None:
@@ -152,18 +172,19 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--freecad", metavar="PYTHON")
     options = parser.parse_args(arguments)
     set_threads(THREADS)
-    text = [
-        "# Speed",
-        "",
-        "Made by `python -m benchmarks.speed` on two threads. Ratios within one table hold; seconds are those of one machine.",
-        "",
-    ]
+    document = ROOT / "docs/speed.md"
+    written = sections(document.read_text(encoding="utf-8") if document.exists() else "")
     for part in options.parts:
         lines = PARTS[part](options)
         print(*lines, sep="\n", flush=True)
-        text += lines
-    if set(options.parts) == set(PARTS):
-        (ROOT / "docs/speed.md").write_text("\n".join(text), encoding="utf-8")
+        written |= sections("\n".join(lines))
+    document.write_text("\n".join([HEAD, *written.values()]), encoding="utf-8")
+
+
+def sections(text: str) -> dict[str, str]:
+    """Divide a document at its second headings, by these."""
+    parts = text.split("## ")[1:]
+    return {part.splitlines()[0]: "## " + part.rstrip() + "\n" for part in parts}
 
 
 def _ratios(options: argparse.Namespace) -> list[str]:
@@ -188,11 +209,15 @@ def _clouds(options: argparse.Namespace) -> list[str]:
     return ["## EDN, from an unsorted array to the strengths", "", *whole_clouds(options.sizes, options.repeats), ""]
 
 
+def _reading(options: argparse.Namespace) -> list[str]:
+    return ["## Reading and sorting", "", *reading(rounds=options.rounds), ""]
+
+
 def _fits(options: argparse.Namespace) -> list[str]:
     return ["## B-spline surfaces through scattered points", "", *table(1_000_000, 57, 100_000, options.freecad), ""]
 
 
-PARTS = {"ratios": _ratios, "errors": _errors, "normals": _normals, "clouds": _clouds, "fits": _fits}
+PARTS = {"ratios": _ratios, "errors": _errors, "normals": _normals, "clouds": _clouds, "reading": _reading, "fits": _fits}
 
 
 if __name__ == "__main__":

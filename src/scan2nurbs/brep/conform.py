@@ -167,7 +167,7 @@ def _folds(grid: Floats) -> int:
     """Count the cells of a grid (U, V, 3) that are turned by more than a right angle against the next one."""
     normal = np.cross(np.diff(grid, axis=0)[:, :-1], np.diff(grid, axis=1)[:-1])
     turned = [np.einsum("uvk,uvk->uv", normal[1:], normal[:-1]) < 0.0, np.einsum("uvk,uvk->uv", normal[:, 1:], normal[:, :-1]) < 0.0]
-    return sum(np.count_nonzero(t) for t in turned)
+    return sum(int(np.count_nonzero(t)) for t in turned)
 
 
 def _nodes(chart: Chart, uv: Floats, moved: NDArray[np.bool_], axis: int, around: bool, h: float) -> Floats:
