@@ -152,7 +152,7 @@ class Session:
 
     def open(self, project: Project) -> None:
         """Open a project where `opens` says that it may be."""
-        self.project, self._plan = project, project.plan
+        self.project, self._plan, self.look_only = project, project.plan, False  # it was just made
         self._troubles.clear()
         self.compute(project.reached)
 

@@ -75,6 +75,7 @@ export function thresholdPanel(store: Store, sync: Sync): HTMLElement {
   };
   store.on(["state"], given);
   store.on(["trouble"], takeBack);
+  canvas.addEventListener("pointercancel", takeBack);
   store.on(["threshold", "frame", "step", "state"], draw);
   fill(said, "");
   draw();
