@@ -41,9 +41,9 @@ def small_part(path: Path, step: float = 0.42) -> Path:
 class Studio:
     """Runs `scan2nurbs studio` until it is stopped or killed."""
 
-    def __init__(self, *arguments: object, cwd: Path | None = None) -> None:
+    def __init__(self, *arguments: object, cwd: Path | None = None, **more) -> None:
         command = [*COMMAND, "studio", *map(str, arguments), "--no-open"]
-        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=cwd)
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=cwd, **more)
         assert self.process.stdout is not None
         self.url = self.process.stdout.readline().strip()
         assert self.url.startswith("http://127.0.0.1:"), self.process.stderr.read() if self.process.stderr else ""

@@ -43,6 +43,7 @@ def test_a_wavy_sheet_is_one_spline_within_the_noise(noise):
     true = np.c_[xy, waves(*xy.T)]
     faces = segment(noisy(true, rng, noise))
     size = np.bincount(faces.label[faces.label >= 0])
+    assert faces.by_edges  # a crease would have been a border
     assert faces.fits[0].shape.kind == "bspline"
     assert size[0] > 0.97 * len(xy)
     assert np.sqrt(np.mean(faces.fits[0].shape.distance(true[faces.label == 0]) ** 2)) < 0.5 * noise

@@ -251,7 +251,7 @@ def test_stopping_says_so_and_a_refused_value_goes_away(browser, studio):
     page.click("#step-faces")
     page.fill("[id='field-segment.max_faces']", "-5")
     page.keyboard.press("Enter")
-    page.wait_for_selector(".toast:has-text('max_faces')")
+    page.wait_for_selector(".toast:has-text('Max faces must be a whole number')")
     assert page.input_value("[id='field-segment.max_faces']") == ""
     see_what_matters(person)
     assert person.complaints == []

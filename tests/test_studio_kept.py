@@ -121,6 +121,7 @@ def test_a_studio_that_starts_again_computes_only_the_solids_and_writes_the_same
     assert (tmp_path / "again.step").read_bytes() == (tmp_path / "part.step").read_bytes()
     assert same(again.faces, plainly.faces)
     assert same(again.topology, plainly.topology)
+    assert same(again.edges, plainly.edges)
 
 
 def test_what_follows_from_something_else_is_computed(scan, own, tmp_path):

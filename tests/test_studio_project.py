@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import json
 import os
 import shutil
@@ -16,15 +17,19 @@ from hypothesis import strategies as st
 import studio_server
 from scan2nurbs.cli.main import main
 from scan2nurbs.cloud import as_cloud
-from scan2nurbs.edges.detect import detect
+from scan2nurbs.edges.detect import Edges, detect
 from scan2nurbs.edges.params import EdgeParams
-from scan2nurbs.errors import InputError, ParameterError
+from scan2nurbs.errors import InputError, NoResultError, ParameterError
+from scan2nurbs.faces.segmentation import Faces
 from scan2nurbs.part import part_scan
 from scan2nurbs.scale import measure_scale
 from scan2nurbs.studio.edits import describe_edit, replay, step_of
 from scan2nurbs.studio.live import moved
+from scan2nurbs.studio.messages import Edit
 from scan2nurbs.studio.project import FILE, Project, create_project, open_project
+from scan2nurbs.studio.session import Session
 from scan2nurbs.studio.stages import Reached, Stages
+from scan2nurbs.studio.worker import Worker
 from scan2nurbs.surfaces.relations import RelationParams
 
 EDITS = [
@@ -217,8 +222,42 @@ def test_a_project_knows_its_scan(scan, tmp_path):
     copy.write_bytes(copy.read_bytes()[:-1] + b"x")
     with pytest.raises(InputError, match="not the one"):
         open_project(project.folder, check=True)
-    with pytest.raises(InputError, match="another scan"):
+    with pytest.raises(InputError, match="changed since this project was made"):
         create_project(copy)
+    with pytest.raises(InputError, match="another scan"):
+        create_project(studio_server.small_part(tmp_path / "other.ply", step=1.5), project.folder)
+
+
+def test_a_project_follows_its_scan_to_another_place(scan, tmp_path):
+    copy, elsewhere = tmp_path / "scan.ply", tmp_path / "else where" / "moved.ply"
+    shutil.copy(scan, copy)
+    project = create_project(copy).with_edit(EDITS[0])
+    project.save()
+    elsewhere.parent.mkdir()
+    copy.rename(elsewhere)
+    with pytest.raises(InputError, match=r"is gone\. .*scan2nurbs studio SCAN --project .*scan\.ply\.s2n"):
+        open_project(project.folder, check=True)
+    moved = create_project(elsewhere, project.folder)
+    assert (moved.scan, moved.edits) == (elsewhere.resolve(), project.edits)
+    assert open_project(project.folder, check=True) == moved
+
+
+def test_a_scan_that_was_replaced_is_not_taken_for_the_projects(scan, tmp_path):
+    copy = tmp_path / "scan.ply"
+    shutil.copy(scan, copy)
+    project = create_project(copy)
+    said: list[dict] = []
+    worker = Worker(io.BytesIO())
+    worker.say = lambda **content: said.append(content)  # type: ignore[method-assign]
+    asked = {"do": "run", "project": str(project.folder), "scan": str(copy), "sha256": project.sha256, "edits": [], "until": "scan"}
+    studio_server.small_part(copy, step=1.5)
+    for _ in range(2):  # nothing of it is kept
+        worker.answer(asked)
+        assert "replaced or changed since" in said[-1]["trouble"]
+    assert not [content for content in said if content["say"] == "result"]
+    shutil.copy(scan, copy)
+    worker.answer(asked)
+    assert said[-1] == {"say": "done", "trouble": None}
 
 
 def test_the_command_line_wants_either_a_scan_or_a_project(scan, tmp_path, capsys):
@@ -275,3 +314,73 @@ def test_only_what_depends_on_a_change_is_computed_again(scan):
     assert run([{"boundary": {"drop": {"boxes": [{"min": [None, None, None], "max": [None, None, None]}]}}}], "edges") == ["boundary"]
     assert not stages.results["boundary"].mask.any()
     assert run([{"set": {"stage": "edges", "name": "threshold", "value": 40}}], "edges") == []
+    assert not stages.results["faces"].by_edges  # planes: so they are those of before, whatever is marked, and are shown again
+    assert run([{"boundary": {"add": {"indices": [1, 2]}}}, {"face": {"delete": 0}}], "faces") == ["boundary"]
+    assert part_edges(stages)
+
+
+def part_edges(stages: Stages) -> bool:
+    """Tell whether faces that were kept go with the edge points of this run."""
+    return stages.results["corrections"].edges is stages.results["edges"] is not stages.results["boundary"]
+
+
+@pytest.mark.parametrize("by_edges", [False, True])
+def test_faces_are_found_again_for_other_edge_points_only_where_these_had_a_say(by_edges):
+    stages, computed = Stages(), []
+    edges = Edges(*[np.zeros(1)] * 6, threshold=1.0, spacing=1.0, h=1.0, noise=0.0, runs=(("crease", 0),))  # type: ignore[arg-type]
+    faces = Faces(np.zeros(1, np.int32), (), frozenset(), by_edges=by_edges)
+    given = {"read": ("scan", None), "scale": None, "edges": EdgeParams(), "faces": 1, "relations": 2}
+    for threshold in (10.0, 20.0, 10.0):
+        stages.begin("surfaces", lambda _step: None)
+        for stage, of in (given | {"edges": EdgeParams(threshold=threshold)}).items():
+            result = faces if stage == "faces" else edges if stage == "edges" else stage
+            stages(stage, of, lambda stage=stage, result=result: (computed.append(stage), result)[1])
+    again = ["faces", "relations"] * (2 if by_edges else 1)
+    assert [stage for stage in computed if stage in again] == again
+
+
+def test_the_faces_of_planes_are_the_same_whatever_is_marked(scan):
+    everywhere = [{"boundary": {"add": {"boxes": [{"min": [None, None, None], "max": [None, None, None]}]}}}]
+    plain, marked = part_scan(scan), part_scan(scan, replay(everywhere).params)
+    assert marked.edges.mask.all()
+    assert not plain.faces.by_edges
+    np.testing.assert_array_equal(plain.faces.label, marked.faces.label)
+    stages = Stages()
+    for edits in ([], everywhere, []):
+        stages.begin("faces", lambda _step: None)
+        parted = part_scan(scan, replay([*edits, {"face": {"delete": 0}}]).params, run=stages)
+        assert parted.edges.mask.all() == bool(edits)  # faces are kept; what is exported has the points that are marked now
+
+
+def test_steps_after_the_edges_have_a_key_without_their_marks():
+    plain, marked = replay([]), replay(EDITS[:3])
+    assert marked.key("edges") != plain.key("edges")
+    for step in ("faces", "surfaces", "model"):
+        assert len({*plain.keys(step), *marked.keys(step)}) == 3
+        assert plain.key(step, by_edges=False) == marked.key(step, by_edges=False)
+    runs = {"set": {"stage": "edges", "name": "repeat", "value": 2}}  # the second run's normals follow from what the first one marked
+    assert replay([runs]).key("faces", by_edges=False) != replay([runs, EDITS[0]]).key("faces", by_edges=False)
+
+
+@pytest.mark.parametrize(
+    ("stage", "name", "value", "said"),
+    [
+        ("segment", "tolerance", -1, "Tolerance must be more than 0."),
+        ("segment", "max_faces", -5, "Max faces must be a whole number, 1 or more."),
+        ("segment", "max_faces", 2.5, "Max faces must be a whole number."),
+        ("edges", "threshold", 91, "Threshold must be a number from 0 to 90."),
+        ("edges", "small_radius", 12, "Small radius must be smaller than the large radius. Got 12 and 10 instead."),
+        ("relations", "angle", -1, "Angle of relations must be 0 or more."),
+    ],
+)
+def test_a_bad_number_is_refused_in_the_words_of_the_form(scan, tmp_path, stage, name, value, said):
+    session = Session(create_project(scan, tmp_path / "p"))
+    with pytest.raises(ParameterError) as refused:
+        session.do(Edit(edit={"set": {"stage": stage, "name": name, "value": value}}))
+    assert str(refused.value) == said
+
+
+def test_when_all_faces_are_deleted_it_is_said_what_to_do(scan):
+    deleted = part_scan(scan).numbers.tolist()
+    with pytest.raises(NoResultError, match="deleted them all"):
+        part_scan(scan, replay([{"face": [{"delete": face} for face in deleted]}]).params)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import socket
+from urllib.parse import quote
 
 import pytest
 
@@ -178,6 +180,39 @@ def test_another_address_is_warned_of_and_answers_to_this_machines_names(monkeyp
     assert launch._names("192.168.1.7") == ["192.168.1.7"]
 
 
+@pytest.mark.parametrize(
+    ("host", "shown"), [("127.0.0.1", "127.0.0.1"), ("127.0.0.2", "127.0.0.2"), ("localhost", "127.0.0.1"), ("::1", "[::1]")]
+)
+def test_the_address_that_is_printed_is_the_one_that_is_listened_on(monkeypatch, tmp_path, host, shown):
+    from scan2nurbs.studio import launch
+
+    def answers(server, sockets):
+        (listening,) = sockets
+        with socket.create_connection(listening.getsockname()[:2], timeout=5):
+            assert f"{shown}:{listening.getsockname()[1]}" in server.config.app.access.hosts
+        listening.close()
+
+    if host == "::1" and not socket.has_ipv6:
+        pytest.skip("this machine has no IPv6")
+    monkeypatch.setattr(launch.uvicorn.Server, "run", answers)
+    said: list[str] = []
+    launch.serve(None, host=host, port=0, home=tmp_path, opens=False, say=said.append)
+    assert said[0].startswith(f"http://{shown}:")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="there are no process groups")
+def test_ctrl_c_in_a_terminal_ends_it_quietly(tmp_path):
+    """It reaches all processes of the group, and impatient people press it twice."""
+    studio = Studio(cwd=tmp_path, start_new_session=True)
+    with studio.process:
+        studio.ask("GET", "/")
+        for _ in range(2):
+            os.killpg(studio.process.pid, signal.SIGINT)
+        assert studio.process.wait(20) in (130, -2)
+        assert studio.process.stderr is not None
+        assert studio.process.stderr.read() == "scan2nurbs: Interrupted; no file was left half-written.\n"
+
+
 def test_a_scan_can_be_dropped_on_an_empty_studio(tmp_path):
     scan = studio_server.small_part(tmp_path / "step.ply", step=1.2)
     home = tmp_path / "home"
@@ -185,12 +220,13 @@ def test_a_scan_can_be_dropped_on_an_empty_studio(tmp_path):
     studio = Studio(cwd=home)
     try:
         said = {"Cookie": studio.cookie(), "Origin": studio.origin}
-        for name in ("", "../x.ply", "a/b.ply", ".hidden", "x" * 300):
+        for name in ("", "../x.ply", "a/b.ply", ".hidden", "x" * 300, "-x.ply", "a%5Cb.ply", "a%0Ab.ply", "a%00.ply", "%E2%80%AEb.ply"):
             assert studio.ask("POST", f"/scan?name={name}", b"ply", **said)[0] == 400
         assert list(home.iterdir()) == []
-        assert studio.ask("POST", "/scan?name=mine.ply", scan.read_bytes(), **said)[0] == 200
+        mine = "part [1], #2 & 5% @ l=3 'new'.ply"
+        assert studio.ask("POST", f"/scan?name={quote(mine)}", scan.read_bytes(), **said)[0] == 200
         with studio.page() as page:
-            assert hear(page, "State", is_current("scan"))["scan"] == "mine.ply"
-        assert (home / "mine.ply.s2n" / "project.json").exists()
+            assert hear(page, "State", is_current("scan"))["scan"] == mine
+        assert (home / f"{mine}.s2n" / "project.json").exists()
     finally:
         studio.stop()

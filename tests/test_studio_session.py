@@ -81,7 +81,11 @@ def test_corrections_survive_a_kill_and_give_the_file_of_the_command_line(scan, 
             assert tolerances == dict.fromkeys(range(len(tolerances))) | {0: 0.5}
             status, _, exported = studio.ask("GET", "/files/step.step", Cookie=studio.cookie())
             assert status == 200
-            assert tolerances.keys() == read_back(taken_away(studio, page, scan.parent / "taken"), scan, exported)
+            taken = taken_away(studio, page, scan.parent / "taken")
+            assert tolerances.keys() == read_back(taken, scan, exported)
+            report = taken["report"].read_text()
+            assert "Done by hand" in report
+            assert "Take from the boundary: 3 points" in report
     finally:
         studio.stop()
     again = scan.parent / "again" / "step.step"
@@ -131,6 +135,14 @@ def test_a_studio_that_starts_again_shows_what_was_computed(scan):
             assert stages <= READ_ANEW
             assert result(again, "surfaces") == result(changed, "surfaces")
             assert result(again, "model") is None  # it does not follow from these borders, and nobody asked for another
+            assert again["steps"][4]["status"] == "outdated"
+            edit(page, set={"stage": "edges", "name": "threshold", "value": 17})
+            marked = hear(page, "State", lambda state: state["running"] is None and len(state["edits"]) == 2)
+            assert [entry["status"] for entry in marked["steps"][:4]] == ["current"] * 4
+            say(page, "Undo")
+            say(page, "Undo")  # of the model what is seen was kept
+            undone = hear(page, "State", is_current("model"))
+            assert result(undone, "model") == result(before, "model")
     finally:
         studio.stop()
 

@@ -12,9 +12,10 @@ import pytest
 pytest.importorskip("starlette", reason="the studio is an extra")
 
 import studio_server
+from scan2nurbs.errors import ParameterError
 from scan2nurbs.studio import workshop as workshop_module
-from scan2nurbs.studio.messages import Cancel, Compute, Export
-from scan2nurbs.studio.project import EXPORTS, Project, create_project
+from scan2nurbs.studio.messages import Cancel, Compute, Edit, Export, Undo
+from scan2nurbs.studio.project import EXPORTS, FILE, Project, create_project, open_project
 from scan2nurbs.studio.session import Page, Session
 
 
@@ -123,3 +124,77 @@ def test_an_export_that_was_stopped_leaves_the_older_file_for_an_older_one(proje
         assert session.state().files == []
 
     asyncio.run(stop())
+
+
+EDIT = {"set": {"stage": "model", "name": "widest", "value": 4.0}}
+
+
+def result(step: str, key: str) -> dict:
+    return {"step": step, "key": key, "seconds": 0.0, "figures": [], "warnings": [], "automatic": {}, "faces": []}
+
+
+def test_what_is_changed_while_a_file_is_written_is_in_the_file(project):
+    """An edit ends the export; the file is written of what is done then."""
+
+    async def export() -> None:
+        session = Session(project)
+        asked: list[tuple[str, int]] = []
+
+        async def request(_hear, **said):
+            asked.append((said["do"], len(said["edits"])))
+            if asked == [("export", 0)]:
+                session.do(Edit(edit=EDIT))
+                session.do(Undo())
+                session.do(Edit(edit=EDIT))
+            elif said["do"] == "export":
+                Path(said["path"]).write_text("model")
+
+        session.workshop.request = request  # type: ignore[method-assign]
+        session._until = None
+        session.do(Export(kind="step"))
+        await session._export(session._exports.pop(0))
+        assert session._exports == ["step"]
+        assert session.state().files == []
+        session.workshop._cancelled.clear()  # as a request does
+        await session._export(session._exports.pop(0))
+        assert [(file.name, file.current) for file in session.state().files] == [("step.step", True)]
+        assert asked == [("export", 0), ("export", 1)]
+        assert session._exports == []
+        assert session.state().steps[-1].status == "current"
+        session.do(Undo())
+        assert session.state().steps[-1].status == "outdated"
+
+    asyncio.run(export())
+
+
+def test_a_project_that_cannot_be_written_to_can_be_looked_at(project):
+    async def look() -> None:
+        session = Session(project, look_only=True)
+        page = session.join()
+        before = (project.folder / FILE).read_bytes()
+        for message in (Edit(edit=EDIT), Export(kind="step")):
+            with pytest.raises(ParameterError, match="only be looked at") as refused:
+                session.do(message)
+            assert str(refused.value) == session.state().notice
+            assert str(project.folder) not in str(refused.value)
+        await session._hear({"say": "result", "result": result("scan", session._plan.key("scan"))})
+        await session._hear({"say": "result", "result": result("edges", session._plan.key("edges"))})
+        assert session.state().reached == "edges"
+        assert (project.folder / FILE).read_bytes() == before
+        said = [json.loads(page.queue.get_nowait())["type"] for _ in range(page.queue.qsize())]
+        assert "Trouble" not in said
+
+    asyncio.run(look())
+
+
+def test_what_was_done_before_a_start_has_to_be_done_again(project):
+    async def start() -> None:
+        session = Session(project)
+        for step in ("scan", "edges", "faces"):
+            await session._hear({"say": "result", "result": result(step, session._plan.key(step))})
+        session.do(Edit(edit={"set": {"stage": "edges", "name": "reach", "value": 0.7}}))
+        assert session.state().reached == "edges"
+        again = Session(open_project(project.folder))
+        assert [entry.status for entry in again.state().steps][2:5] == ["outdated", "empty", "empty"]
+
+    asyncio.run(start())

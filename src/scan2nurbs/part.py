@@ -236,6 +236,7 @@ def part_scan(
     cloud = do("read", (str(source), unit), lambda: as_cloud(source, unit))
     scale = do("scale", None, lambda: _measured(cloud, progress))
     edges = do("edges", params.edges, lambda: detect(cloud.points, scale, params.edges, _stage(progress, "finding edges")))
+    detected = edges
     if params.boundary:
         edges = do("boundary", params.boundary, lambda: corrected_edges(cloud, edges, params.boundary))
     tell = _stage(progress, "finding faces")
@@ -243,8 +244,10 @@ def part_scan(
     parted = Parted(cloud, scale, edges, faces, np.arange(len(faces.fits), dtype=np.int32))
     corrections = params.corrections
     if corrections is not None:
-        found = parted
-        parted = do("corrections", corrections, lambda: corrected(found, corrections, params.segment.kinds))
+        found = replace(parted, edges=detected)  # what is kept of it does not follow from which points were marked by hand
+        parted = replace(do("corrections", corrections, lambda: corrected(found, corrections, params.segment.kinds)), edges=edges)
+    if not parted.faces.fits and faces.fits:
+        raise NoResultError("No face is left: corrections by hand deleted them all. Undo one of them, or take it out of the corrections.")
     if not parted.faces.fits:
         raise NoResultError("No face was found: no part of the scan is smooth over more than a few points.")
     return parted

@@ -18,7 +18,7 @@ const KEYS: [string, string][] = [
   ["[ ]", "smaller, larger brush"],
   ["+ −", "add chosen points to the edges, take them away"],
   ["M S G N Del", "merge, split off, give to face, give to none, delete"],
-  ["Esc", "choose nothing"],
+  ["Esc", "give up the lasso that is being drawn, choose nothing"],
   ["Ctrl+Z, Ctrl+Shift+Z", "undo, redo"],
   ["Enter", "do what the blue button says"],
   ["Page Up, Page Down", "step before, step after"],
@@ -40,7 +40,7 @@ export function listen(store: Store, viewer: Viewer, sync: Sync, pointer: Pointe
   const colour = () => {
     const known = [...(document.getElementById("colouring") as HTMLSelectElement).options].filter((option) => !option.disabled).map((option) => option.value);
     const next = known[(known.indexOf(sync.colouring) + 1) % known.length];
-    sync.colour(COLOURINGS.find((name) => name === next) ?? "plain");
+    sync.choose(COLOURINGS.find((name) => name === next) ?? "plain");
     store.tell("selection");
   };
   const actions: Record<string, () => void> = {
@@ -49,12 +49,14 @@ export function listen(store: Store, viewer: Viewer, sync: Sync, pointer: Pointe
     "[": () => (pointer.radius = Math.max(4, pointer.radius / 1.3)), "]": () => (pointer.radius = Math.min(120, pointer.radius * 1.3)),
     "+": () => press("boundary-add"), "-": () => press("boundary-drop"),
     m: () => press("face-merge"), s: () => press("face-split"), g: () => press("face-assign"), n: () => press("face-none"), Delete: () => press("face-delete"),
-    Escape: () => (selection.clear(), store.choose(null, false)),
-    Enter: () => press(document.getElementById("compute") ? "compute" : "next"),
+    Escape: () => pointer.abort() || (selection.clear(), store.choose(null, false)),
+    Enter: () => press(store.step === "export" ? "export-step" : document.getElementById("compute") ? "compute" : "next"),
     PageUp: () => go(-1), PageDown: () => go(1),
     f: () => (viewer.cameras.fit(), viewer.draw()), p: () => press("camera"), t: () => look("Top"), r: () => look("Right"), o: () => look("Iso"), c: colour, "?": help,
   };
   window.addEventListener("keydown", (event) => {
+    const dialog = document.querySelector<HTMLDialogElement>("dialog[open]");
+    if (dialog) return event.key === "?" ? dialog.close() : undefined; // behind it nothing is done; Escape closes it by itself
     const field = event.target as HTMLElement;
     if (field.matches("input:not([type=range]):not([type=checkbox]), select, textarea")) return;
     if (event.ctrlKey || event.metaKey) {

@@ -10,7 +10,7 @@ import { facesList } from "./panel/faces";
 import { Form } from "./panel/form";
 import { historyPanel } from "./panel/history";
 import { layersPanel } from "./panel/layers";
-import { offline, progressBar, Toasts, welcomePanel } from "./panel/notices";
+import { noticeLine, offline, progressBar, Toasts, welcomePanel } from "./panel/notices";
 import { stepsPanel } from "./panel/steps";
 import { thresholdPanel } from "./panel/threshold";
 import { Store } from "./store";
@@ -51,7 +51,7 @@ stage.append(
   offline(store),
 );
 legend.hide();
-document.getElementById("app")!.append(topBar(store, help), h("div", { class: "columns" }, side, stage), dialog);
+document.getElementById("app")!.append(topBar(store, help), noticeLine(store), h("div", { class: "columns" }, side, stage), dialog);
 viewer.onDrawn = () => scalebar.update(viewer.cloud ? viewer.cameras.pixelsAtTarget : 0, store.state?.unit ?? "");
 listen(store, viewer, sync, pointer, selection, help);
 

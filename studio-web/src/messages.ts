@@ -106,6 +106,7 @@ export interface State {
   steps: StepState[];
   running: Step | null;
   files: FileEntry[];
+  notice: string;
 }
 
 /** How far the running step is. */

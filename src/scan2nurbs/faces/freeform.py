@@ -60,12 +60,15 @@ class Pieces:
         As lines; NaN where unknown.
     label : (N,) int32
     fits : tuple of ShapeFit
+    by_edges : bool
+        Whether points on creases had a say; where not, any others would have given the same.
     """
 
     points: NDArray[np.float64]
     normals: NDArray[np.float64]
     label: NDArray[np.int32]
     fits: tuple[ShapeFit, ...]
+    by_edges: bool = False
 
 
 def join_freeform(pieces: Pieces, on_edge: NDArray[np.bool_], scale: Scale, noise: float, kinds: Sequence[Kind] = KINDS) -> Pieces:
@@ -99,6 +102,7 @@ def join_freeform(pieces: Pieces, on_edge: NDArray[np.bool_], scale: Scale, nois
     smooth = smooth_contacts(pieces.points, pieces.label, replace(contacts, found=bent), pieces.fits, scale)
     doubts = doubt_tangency(pieces.points, pieces.label, pieces.fits, [c.pair for c in smooth], noise=max(noise, 0.01 * scale.h), h=scale.h)
     least = max(noise, LEAST_DEVIATION * scale.h)
+    by_edges = any(doubts.get(c.pair, np.inf) > 1.0 for c in bent)  # where all are tangent, nothing is joined
     bent = tuple(c for c in bent if not _creased(pieces, c, on_edge, scale.h))
     clear = {c.pair for c in bent}
     run_on = {c.pair for c in smooth if c.pair in clear and doubts[c.pair] > 1.0 and _run_on(pieces, contacts, c, least)}
@@ -111,7 +115,7 @@ def join_freeform(pieces: Pieces, on_edge: NDArray[np.bool_], scale: Scale, nois
         for members, fit in _fitted(pieces, group, within, _beside(group, doubted, parent), kinds, noise):
             label[np.isin(label, members)] = members[0]
             fits[members[0]] = fit
-    return replace(pieces, label=label, fits=tuple(fits))
+    return replace(pieces, label=label, fits=tuple(fits), by_edges=by_edges)
 
 
 def _creased(pieces: Pieces, contact: Contact, on_edge: NDArray[np.bool_], h: float) -> bool:

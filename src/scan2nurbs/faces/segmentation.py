@@ -91,12 +91,16 @@ class Faces:
         Pairs (i < j) of neighbouring faces that meet smoothly.
     notes : tuple of str
         What the caller should know, one sentence each.
+    by_edges : bool
+        Whether it mattered which points are marked as lying on an edge. That is asked only where smooth pieces which are not tangent
+        meet, whether they are one freeform face; elsewhere faces follow from the edges' normals alone.
     """
 
     label: NDArray[np.int32]
     fits: tuple[ShapeFit, ...]
     smooth: frozenset[tuple[int, int]]
     notes: tuple[str, ...] = ()
+    by_edges: bool = False
 
 
 def segment_points(
@@ -111,7 +115,7 @@ def segment_points(
     scale : Scale
         What `measure_scale` said of them.
     edges : Edges
-        The detected edges, for their one-sided normals.
+        The detected edges: their one-sided normals, and the marked points for the borders of freeform faces.
     params : SegmentParams
     progress : callable, optional
         Called with (steps done, steps).
@@ -142,7 +146,7 @@ def segment_points(
     label, kept = rank_faces(settle_borders(points, pieces.label, pieces.fits, scale, noise), params.max_faces)
     fits = swept_fits(points, label, refits(points, label, [pieces.fits[k] for k in kept], noise), noise, allowed)
     smooth = smooth_contacts(points, label, face_contacts(label, scale), fits, scale)
-    return Faces(label=label, fits=fits, smooth=frozenset(contact.pair for contact in smooth))
+    return Faces(label=label, fits=fits, smooth=frozenset(contact.pair for contact in smooth), by_edges=pieces.by_edges)
 
 
 def _sheet(scale: Scale, normals: NDArray[np.float64], params: SegmentParams) -> tuple[Sheet, NDArray[np.float64], NDArray[np.float64]]:

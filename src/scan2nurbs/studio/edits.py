@@ -33,6 +33,7 @@ from scan2nurbs.faces.topology import TopologyParams
 from scan2nurbs.part import PartParams
 from scan2nurbs.part_faces import BoundaryStep
 from scan2nurbs.report.record import plain
+from scan2nurbs.studio.live import normals_of
 from scan2nurbs.studio.messages import STEPS, Step
 from scan2nurbs.surfaces.relations import RelationParams
 
@@ -48,6 +49,8 @@ STAGES: dict[str, tuple[type | None, Step]] = {
 }
 """For each group of parameters its dataclass and the step that it belongs to; the unit and whether there are relations stand alone."""
 
+AFTER_EDGES: tuple[Step, ...] = ("faces", "surfaces", "model")
+
 _CORRECTIONS = Path("corrections.json")
 
 
@@ -62,17 +65,36 @@ class Plan:
         """Return the parameters of a stage that has a dataclass in `STAGES`."""
         return self.params.relation_params if stage == "relations" else getattr(self.params, stage)
 
+    def values(self) -> dict[str, Any]:
+        """Return the value of every parameter by stage and name; None where it is automatic."""
+        values: dict[str, Any] = {"scan.unit": self.unit, "relations.relations": self.params.relations}
+        for stage, (params, _) in STAGES.items():
+            if params is not None:
+                values |= {f"{stage}.{name}": value for name, value in vars(self.of(stage)).items()}
+        return values
+
     def idle(self) -> set[str]:
         """Return the parameters, by stage and name, that make no difference as the others are."""
         relations = () if self.params.relations else (f"relations.{field.name}" for field in dataclasses.fields(RelationParams))
         return {f"edges.{name}" for name in self.params.edges.idle()} | set(relations)
 
-    def key(self, step: Step) -> str:
-        """Return what the result of a step follows from, as a short text: equal keys, equal results."""
+    def keys(self, step: Step) -> tuple[str, ...]:
+        """Return the keys one of which a step's result has where it is up to date."""
+        return (self.key(step), self.key(step, by_edges=False)) if step in AFTER_EDGES else (self.key(step),)
+
+    def key(self, step: Step, *, by_edges: bool = True) -> str:
+        """Return what the result of a step follows from, as a short text: equal keys, equal results.
+
+        Parameters
+        ----------
+        step : str
+        by_edges : bool
+            Whether it matters for the step which points are marked as edges, see `scan2nurbs.faces.segmentation.Faces`.
+        """
         params = self.params
         parts: list[Any] = [self.unit]
         if STEPS.index(step) >= 1:
-            parts += [params.edges, params.boundary]
+            parts += [params.edges, params.boundary] if by_edges else ["by normals", normals_of(params.edges)]
         if STEPS.index(step) >= 2:
             parts += [params.segment, params.corrections]
         if STEPS.index(step) >= 3:
@@ -207,6 +229,8 @@ def _value(stage: str, name: str, value: Any) -> Any:
         return tuple(value)
     if kind in (int, str, bool) and type(value) is kind:
         return value
+    if kind is int and type(value) is float:
+        raise ParameterError(f"The parameter '{name}' must be a whole number.")
     raise ParameterError(f"The parameter '{name}' cannot be {str(value)[:40]!r}.")
 
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
+from collections.abc import Sequence
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from scan2nurbs.cloud import UNITS
 from scan2nurbs.described import bare_type, describe
-from scan2nurbs.studio.edits import STAGES
+from scan2nurbs.studio.edits import STAGES, Json
 from scan2nurbs.studio.messages import FieldKind, FormField
 from scan2nurbs.surfaces.relations import RELATIONS
 from scan2nurbs.surfaces.shape import KINDS
@@ -20,6 +21,7 @@ _WHOSE = {"relations": " of relations"}  # what the names of parameters leave op
 _COMMON = {("edges", "operator"), ("edges", "threshold"), ("segment", "tolerance"), ("segment", "max_faces"), ("segment", "keep_types")}
 _COMMON |= {("topology", "fill_holes")}
 _UNITS = (("in h²", "h²"), ("in h", "h"), ("in local spacings", "spacings"), ("in degrees", "°"), ("in the cloud's unit", "unit"))
+_INTERVAL = re.compile(r"must be (?:a float|a number|(an int)) in ([\[(])(-?[\d.]+), (inf|-?[\d.]+)[\])]\.(?: Got .* instead\.)?$")
 _RANGE = re.compile(r"([\[(])\s*(-?[\d.]+)\s*,\s*(inf|-?[\d.]+)\s*([\])])")
 
 
@@ -112,6 +114,36 @@ def _unit(field: dataclasses.Field[Any], text: str) -> str:
     if known is not None:
         return "°" if known == "degrees" else known
     return next((unit for words, unit in _UNITS if words in text), "")
+
+
+def in_words(text: str, fields: Sequence[FormField], edit: Json) -> str:
+    """Return what stages say of a parameter out of its range with labels and words in place of names and intervals.
+
+    Parameters
+    ----------
+    text : str
+        Such as "The 'tolerance' of segment_points must be a float in (0, inf). Got -1 instead."
+    fields : sequence of FormField
+        The parameters by whose labels they are called.
+    edit : dict
+        The edit that was refused: of parameters with one name that of its stage is meant.
+    """
+    said = edit.get("set")
+    stage = said.get("stage") if isinstance(said, dict) else None
+    labels = {field.name: field.label for field in sorted(fields, key=lambda field: field.stage == stage)}
+    text = re.sub(r"The (?:parameter )?'(\w+)'(?: parameter)?(?: of \w+)?", lambda found: labels.get(found[1], found[1]), text)
+    text = re.sub(r"(?<=the )'(\w+)'", lambda found: labels.get(found[1], found[1]).lower(), text)
+    text = text.replace(" Got () instead.", " Choose at least one.")
+    return _INTERVAL.sub(_interval_in_words, text)
+
+
+def _interval_in_words(found: re.Match[str]) -> str:
+    whole, opened, low, high = found.groups()
+    kind = "a whole number" if whole else "a number"
+    if high != "inf":
+        return f"must be {kind} from {low} to {high}."
+    least = f"more than {low}" if opened == "(" else f"{low} or more"
+    return f"must be {kind}, {least}." if whole else f"must be {least}."
 
 
 def _sentence(text: str) -> str:

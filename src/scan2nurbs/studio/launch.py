@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import ipaddress
+import os
 import socket
 import sys
 import webbrowser
 from collections.abc import Callable
 from pathlib import Path
+from types import FrameType
 
 import uvicorn
 
@@ -59,11 +61,13 @@ def serve(project: Project | None, *, host: str, port: int, home: Path, opens: b
     lock = None if project is None else lock_project(project.folder)
     listening = _listen(host, port)
     port = listening.getsockname()[1]
-    names = _names(host)
+    address = listening.getsockname()[0]
+    names = [_in_url(address)] if is_local(host) else _names(host)
     access = Access({*LOCAL, *names}, port)
-    url = f"http://{'127.0.0.1' if is_local(host) else names[0]}:{port}/#token={access.token}"
+    url = f"http://{names[0]}:{port}/#token={access.token}"
+    look_only = project is not None and lock is None and not os.access(project.folder, os.W_OK)
     config = uvicorn.Config(
-        make_app(Session(project), access, home),
+        make_app(Session(project, look_only=look_only), access, home),
         log_level="warning",
         access_log=False,
         server_header=False,
@@ -75,20 +79,33 @@ def serve(project: Project | None, *, host: str, port: int, home: Path, opens: b
     say(url)
     if opens:
         webbrowser.open(url)
-    uvicorn.Server(config).run(sockets=[listening])
+    _Server(config).run(sockets=[listening])
     if lock is not None:
         lock.close()
+
+
+class _Server(uvicorn.Server):
+    """A server that is stopped once: it takes two seconds at most, and whoever presses Ctrl-C again gets no traceback."""
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        """Stop at the first signal."""
+        if not self.should_exit:
+            super().handle_exit(sig, frame)
 
 
 def _names(host: str) -> list[str]:
     """Return the names under which an address is reached; one that stands for all addresses is reached under this machine's."""
     if host not in ("0.0.0.0", "::", ""):
-        return [f"[{host}]" if ":" in host else host]
+        return [_in_url(host)]
     name = socket.gethostname()
     try:
         return [name, *socket.gethostbyname_ex(name)[2]]
     except OSError:
         return [name]
+
+
+def _in_url(address: str) -> str:
+    return f"[{address}]" if ":" in address else address
 
 
 def _listen(host: str, port: int) -> socket.socket:

@@ -16,6 +16,11 @@ def without_sliders(params: EdgeParams) -> EdgeParams:
     return replace(params, threshold=None, alpha=0.4, beta=None)
 
 
+def normals_of(params: EdgeParams) -> EdgeParams:
+    """Return the parameters that the normals follow from: with operators that run one after the other, the sliders too."""
+    return without_sliders(params) if len(params.runs()) == 1 else params
+
+
 def moved(edges: Edges, before: EdgeParams, after: EdgeParams) -> Edges | None:
     """Return what `detect` would find with parameters that differ in threshold and α only.
 

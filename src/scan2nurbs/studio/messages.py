@@ -131,7 +131,7 @@ class State:
 
     `opens` tells whether a scan may be sent: where there is none, or the one that is open cannot be read. `reached` is the step to begin
     with: the last one that was computed, now or before the studio was started again. `idle` are those of the `values` that make no
-    difference as the others are: they are not shown.
+    difference as the others are: they are not shown. `notice` is what should be known all the time, as a sentence, else empty.
     """
 
     project: str
@@ -148,6 +148,7 @@ class State:
     steps: list[StepState]
     running: Step | None
     files: list[FileEntry]
+    notice: str
 
 
 @dataclass(frozen=True, kw_only=True)

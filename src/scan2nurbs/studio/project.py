@@ -7,7 +7,8 @@
       "scan": {"path": "../part.ply", "sha256": "…"},
       "edits": […],          in their order, see `edits`
       "done": 3,             so many of them are done, the others were undone
-      "reached": "model",    the last step that was computed
+      "reached": "model",    the last step up to which everything is computed
+      "farthest": "model",   the last step that was ever computed
       "exports": {…},        files that were written, each with what it follows from
       "parameters": {…}      what the edits amount to, for reading; it is not read back
     }
@@ -20,6 +21,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import shlex
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -53,7 +55,9 @@ class Project:
     done : int
         So many edits are done.
     reached : str
-        The last step that was computed.
+        The last step up to which everything is computed.
+    farthest : str
+        The last step that was ever computed, if not of what is done now.
     exports : dict of str to str
         For each exported file the key of the model in it.
     """
@@ -65,6 +69,7 @@ class Project:
     done: int = 0
     reached: Step = "scan"
     exports: dict[str, str] = field(default_factory=dict)
+    farthest: Step = "scan"
 
     @property
     def done_edits(self) -> tuple[Json, ...]:
@@ -102,6 +107,7 @@ class Project:
             "edits": self.edits,
             "done": self.done,
             "reached": self.reached,
+            "farthest": self.farthest,
             "exports": self.exports,
             "parameters": _parameters(plan),
         }
@@ -117,16 +123,14 @@ def create_project(scan: Path, folder: Path | None = None) -> Project:
     Raises
     ------
     InputError
-        If the scan cannot be read, or the folder holds a project of another scan.
+        If the scan cannot be read, or the folder holds a project of another scan. Of the same scan in another place, the project has
+        that place from then on.
     OutputError
         If the folder cannot be made.
     """
     folder = folder or scan.with_name(scan.name + SUFFIX)
     if (folder / FILE).exists():
-        project = open_project(folder)
-        if project.sha256 != file_hash(scan):
-            raise InputError(f"This project is about another scan, {project.scan}; name another folder with --project.", path=folder)
-        return project
+        return _with_scan(open_project(folder), scan)
     sha256 = file_hash(scan)
     try:
         folder.mkdir(exist_ok=True)
@@ -135,6 +139,24 @@ def create_project(scan: Path, folder: Path | None = None) -> Project:
     project = Project(folder.resolve(), scan.resolve(), sha256)
     project.save()
     return project
+
+
+def _with_scan(project: Project, scan: Path) -> Project:
+    """Return a project with its scan where it lies now."""
+    there = project.scan.exists() and scan.exists() and project.scan.samefile(scan)
+    if project.sha256 != file_hash(scan):
+        raise InputError(
+            "The scan was changed since this project was made: its bytes differ. Put the file back as it was, or name another folder for "
+            "the new one with --project."
+            if there
+            else f"This project is about another scan, {project.scan}; name another folder with --project.",
+            path=project.folder,
+        )
+    if there:
+        return project
+    moved = replace(project, scan=scan.resolve())
+    moved.save()
+    return moved
 
 
 def open_project(folder: Path, *, check: bool = False) -> Project:
@@ -161,6 +183,9 @@ def open_project(folder: Path, *, check: bool = False) -> Project:
     except (ValueError, RecursionError) as error:
         raise InputError("The project is no valid JSON.", path=path) from error
     project = _parsed(content, folder.resolve(), path)
+    if check and not project.scan.exists():
+        said = f"scan2nurbs studio SCAN --project {shlex.quote(str(folder))}"
+        raise InputError(f"The scan of this project, {project.scan}, is gone. If it was moved, say once where it is: {said}", path=folder)
     if check and file_hash(project.scan) != project.sha256:
         raise InputError(f"The scan {project.scan} is not the one that this project was made for: its bytes differ.", path=path)
     return project
@@ -196,7 +221,9 @@ def _parsed(content: Any, folder: Path, path: Path) -> Project:
     place = folder / scan["path"]
     exports = content.get("exports")
     exports = {str(name): str(key) for name, key in exports.items()} if isinstance(exports, dict) else {}
-    return Project(folder, Path(os.path.normpath(place)), scan["sha256"], tuple(edits), done, reached, exports)
+    farthest = content.get("farthest")
+    farthest = farthest if farthest in STEPS else reached
+    return Project(folder, Path(os.path.normpath(place)), scan["sha256"], tuple(edits), done, reached, exports, farthest)
 
 
 def _parameters(plan: Plan) -> dict[str, Any]:

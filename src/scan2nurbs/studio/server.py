@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import re
+import shlex
 import shutil
 from collections.abc import AsyncIterator
 from pathlib import Path
@@ -18,7 +18,7 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from scan2nurbs.errors import Scan2NurbsError
+from scan2nurbs.errors import OutputError, Scan2NurbsError
 from scan2nurbs.studio.guard import Access, Guard
 from scan2nurbs.studio.inside import is_linked
 from scan2nurbs.studio.lock import lock_project
@@ -31,7 +31,8 @@ STATIC = Path(__file__).parent / "static"
 LARGEST_MESSAGE = 32 << 20
 LARGEST_TOKEN = 1024
 LARGEST_SCAN = 8 << 30
-_NAME = re.compile(r"[\w][\w .()+-]{0,120}")
+LONGEST_NAME = 200
+"""Bytes, which leave room for the project's suffix."""
 
 
 def make_app(session: Session, access: Access, home: Path) -> Guard:
@@ -103,13 +104,13 @@ class _Studio:
         name = request.query_params.get("name", "")
         if not self.session.opens:
             return PlainTextResponse("A scan is open already; start another studio for another scan.", 409)
-        if not _NAME.fullmatch(name):
-            return PlainTextResponse("The file's name holds signs that do not belong in a name.", 400)
+        if not _is_name(name):
+            return PlainTextResponse("The file's name is too long, or holds signs that do not belong in a name; name it anew.", 400)
         folder = self.home / (name + SUFFIX)
         scan = folder / name
         if folder.exists():
             return PlainTextResponse(
-                f"There is a folder {folder.name} already: start `scan2nurbs studio {folder.name}` to go on with it.", 409
+                f"There is a folder {folder.name} already: start `scan2nurbs studio {shlex.quote(folder.name)}` to go on with it.", 409
             )
         try:
             await run_in_threadpool(folder.mkdir)
@@ -152,12 +153,18 @@ class _Studio:
                 try:
                     self.session.do(from_text(text))
                 except Scan2NurbsError as error:
-                    page.queue.put_nowait(to_text(Trouble(text=" ".join(str(error).split()))))
+                    text = error.message if isinstance(error, OutputError) else str(error)  # it says where by itself
+                    page.queue.put_nowait(to_text(Trouble(text=" ".join(text.split()))))
         except (WebSocketDisconnect, KeyError):  # KeyError: a binary message, which no page sends
             pass
         finally:
             self.session.leave(page)
             sending.cancel()
+
+
+def _is_name(name: str) -> bool:
+    """Tell whether a file may be called so: it stays in its folder, is seen there, and is no option of a command."""
+    return name.isprintable() and not set(name) & set("/\\") and name[:1] not in ("", ".", "-", " ") and len(name.encode()) <= LONGEST_NAME
 
 
 async def _send(socket: WebSocket, page: Page) -> None:

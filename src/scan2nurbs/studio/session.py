@@ -8,9 +8,9 @@ from dataclasses import dataclass, field, replace
 from importlib import metadata
 from typing import Any
 
-from scan2nurbs.errors import OutputError
-from scan2nurbs.studio.edits import STAGES, Plan, describe_edit, replay, step_of
-from scan2nurbs.studio.forms import form_fields
+from scan2nurbs.errors import OutputError, ParameterError
+from scan2nurbs.studio.edits import Plan, describe_edit, replay, step_of
+from scan2nurbs.studio.forms import form_fields, in_words
 from scan2nurbs.studio.frames import name_of
 from scan2nurbs.studio.inside import is_linked, refusal
 from scan2nurbs.studio.messages import (
@@ -41,6 +41,12 @@ from scan2nurbs.surfaces.shape import KINDS
 
 Outgoing = str | bytes
 COMPUTED: tuple[Step, ...] = STEPS[:-1]
+LOOK_ONLY = (
+    "This project can only be looked at: its folder cannot be written to. To change it, copy the folder to where you may write, and "
+    "start the studio with the copy: scan2nurbs studio SCAN --project COPY."
+)
+_WITH_EDGES = ("points", "report")
+"""Exports that tell of each point whether it is marked as lying on an edge."""
 
 
 @dataclass(eq=False)
@@ -57,10 +63,13 @@ class Session:
     ----------
     project : Project, optional
         None where no scan is open yet.
+    look_only : bool
+        Whether the project's folder cannot be written to: nothing is changed, then.
     """
 
-    def __init__(self, project: Project | None = None) -> None:
+    def __init__(self, project: Project | None = None, *, look_only: bool = False) -> None:
         self.project = project
+        self.look_only = look_only
         self.workshop = Workshop()
         self.pages: set[Page] = set()
         self.running: Step | None = None
@@ -72,6 +81,7 @@ class Session:
         self._until: Step | None = None
         self._stopped = False
         self._exports: list[str] = []
+        self._writing: str | None = None
         self._wake = asyncio.Event()
         self._plan = _plan_of(project)
         if project is not None:
@@ -112,8 +122,13 @@ class Session:
         """
         if self.project is None:
             return
+        if self.look_only and isinstance(message, Edit | Undo | Redo | Export):
+            raise ParameterError(LOOK_ONLY)
         if isinstance(message, Edit):
-            self._edit(self.project.with_edit(message.edit), step_of(message.edit))
+            try:
+                self._edit(self.project.with_edit(message.edit), step_of(message.edit))
+            except ParameterError as error:
+                raise ParameterError(in_words(str(error), self._fields, message.edit)) from error
         elif isinstance(message, Undo) and self.project.done > 0:
             self._edit(self.project.moved(-1), step_of(self.project.edits[self.project.done - 1]))
         elif isinstance(message, Redo) and self.project.done < len(self.project.edits):
@@ -137,7 +152,7 @@ class Session:
 
     def open(self, project: Project) -> None:
         """Open a project where `opens` says that it may be."""
-        self.project, self._plan = project, project.plan
+        self.project, self._plan, self.look_only = project, project.plan, False  # it was just made
         self._troubles.clear()
         self.compute(project.reached)
 
@@ -161,12 +176,15 @@ class Session:
         plan = project.plan  # raises where the edit says nothing that can be done
         # What is computed at once, and what the edit brings back; a studio that starts again computes no more than this one did.
         reached = self._current_until(plan) if step not in self._results else _later(step, self._current_until(plan))
-        project = replace(project, reached=reached)
+        project = replace(project, reached=reached, farthest=_later(project.farthest, self._current_until(self._plan)))
         project.save()
         self.project, self._plan = project, plan
         if self.running is not None:
             running: Step = "model" if self.running == "export" else self.running
             self._until = running if self._until is None else _later(self._until, running)
+            if self._writing is not None:  # what was to be written is written of what is done now
+                self._exports.insert(0, self._writing)
+                self._writing = None
             self.workshop.cancel()
         if step in self._results or self._until is not None:
             self.compute(step)
@@ -217,7 +235,7 @@ class Session:
         name = export_name(kind, project.scan)
         folder = project.folder / EXPORTS
         path = folder / name
-        self.running = "export"
+        self.running, self._writing = "export", kind
         self._changed()
         try:
             if is_linked(path):
@@ -229,15 +247,17 @@ class Session:
             trouble = f"The file cannot be written: {error.strerror}."
         except OutputError as error:
             trouble = error.message
+        self._writing = None
         if trouble is not None:
             self.tell(Trouble(text=trouble))
         elif path.exists() and not self.workshop.cancelled:  # else it is an older one
             opened = self._opened()
-            self._save(replace(opened, exports={**opened.exports, name: _export_key(plan)}))
+            self._save(replace(opened, exports={**opened.exports, name: self._export_keys(kind, plan)[0]}))
         self._ended()
 
     async def _ask(self, **request: Any) -> str | None:
-        return await self.workshop.request(self._hear, project=str(self._opened().folder), **request)
+        project = self._opened()
+        return await self.workshop.request(self._hear, project=str(project.folder), sha256=project.sha256, **request)
 
     async def _hear(self, answer: Answer) -> None:
         if isinstance(answer, bytes):
@@ -264,7 +284,7 @@ class Session:
         self.tell(self.state())
 
     def _is_current(self, step: Step, plan: Plan) -> bool:
-        return step in self._results and self._results[step]["key"] == plan.key(step)
+        return step in self._results and self._results[step]["key"] in plan.keys(step)
 
     def _current_until(self, plan: Plan) -> Step:
         """Return the last step up to which nothing has to be computed."""
@@ -278,14 +298,18 @@ class Session:
     def _save_reached(self) -> None:
         reached = self._current_until(self._plan)
         if reached != self._opened().reached:
-            self._save(replace(self._opened(), reached=reached))
+            self._save(replace(self._opened(), reached=reached, farthest=_later(self._opened().farthest, reached)))
 
     def _save(self, project: Project) -> None:
         """Save what came of computing; where that cannot be, pages are told, and computing goes on."""
         self.project = project
+        if self.look_only:
+            return
         try:
             project.save()
-        except (OutputError, OSError) as error:
+        except OutputError as error:
+            self.tell(Trouble(text=error.message))
+        except OSError as error:
             self.tell(Trouble(text=" ".join(str(error).split())))
 
     def state(self) -> State:
@@ -303,11 +327,12 @@ class Session:
             edits=[EditEntry(text=describe_edit(edit), step=step_of(edit), done=k < done) for k, edit in enumerate(edits)],
             can_undo=done > 0,
             can_redo=done < len(edits),
-            values=_values(plan),
+            values=plan.values(),
             idle=sorted(plan.idle()),
             steps=self._step_states(plan),
             running=self.running,
             files=self._files(plan),
+            notice=LOOK_ONLY if self.look_only else "",
         )
 
     def _unit(self, plan: Plan) -> str:
@@ -321,28 +346,38 @@ class Session:
             current = self._is_current(step, plan)
             key, text = self._troubles.get(step, ("", ""))
             failed = key == plan.key(step) and not current
-            status: Status = "current" if current else "failed" if failed else "outdated" if step in self._results else "empty"
+            status: Status = "current" if current else "failed" if failed else "outdated" if self._was_done(step) else "empty"
             if not current and busy is not None and (busy == "export" or STEPS.index(step) <= STEPS.index(busy)):
                 status, busy = "running", None
             result: Any = self._results.get(step)
             states.append(StepState(step=step, status=status, result=result, trouble=text if failed else None))
-        ready: Status = "running" if self.running == "export" else "current" if states[-1].status == "current" else "empty"
+        files = self._files(plan)
+        ready: Status = "current" if any(file.current for file in files) else "outdated" if files else "empty"
+        ready = "running" if self.running == "export" else ready
         return [*states, StepState(step="export", status=ready, result=None, trouble=None)]
+
+    def _was_done(self, step: Step) -> bool:
+        """Tell whether a step was done before, if not since the studio was started; the scan is read anew by each."""
+        before = "scan" if self.project is None else self.project.farthest
+        return step in self._results or 0 < STEPS.index(step) <= STEPS.index(before)
+
+    def _export_keys(self, kind: str, plan: Plan) -> list[str]:
+        """Return what an exported file follows from besides the scan: the first that is known, and what else would give the same."""
+        keys = [plan.key("model")] if kind in _WITH_EDGES else list(plan.keys("model"))
+        found = self._results.get("model", {}).get("key")
+        return [f"{key} {software()}" for key in sorted(keys, key=lambda key: key != found)]
 
     def _files(self, plan: Plan) -> list[FileEntry]:
         if self.project is None:
             return []
         entries = []
+        kinds = {export_name(kind.name, self.project.scan): kind.name for kind in export_kinds() if kind.available}
         for name, key in self.project.exports.items():
+            keys = self._export_keys(kinds.get(name, "points"), plan)
             with contextlib.suppress(OSError):
                 size = (self.project.folder / EXPORTS / name).stat().st_size
-                entries.append(FileEntry(name=name, size=size, current=key == _export_key(plan)))
+                entries.append(FileEntry(name=name, size=size, current=key in keys))
         return entries
-
-
-def _export_key(plan: Plan) -> str:
-    """Return what an exported file follows from, besides the scan."""
-    return f"{plan.key('model')} {software()}"
 
 
 def _later(one: Step, other: Step) -> Step:
@@ -351,12 +386,3 @@ def _later(one: Step, other: Step) -> Step:
 
 def _plan_of(project: Project | None) -> Plan:
     return replay(()) if project is None else project.plan
-
-
-def _values(plan: Plan) -> dict[str, Any]:
-    """Return the value of every parameter by stage and name; None where it is automatic."""
-    values: dict[str, Any] = {"scan.unit": plan.unit, "relations.relations": plan.params.relations}
-    for stage, (params, _) in STAGES.items():
-        if params is not None:
-            values |= {f"{stage}.{name}": value for name, value in vars(plan.of(stage)).items()}
-    return values

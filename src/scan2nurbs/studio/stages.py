@@ -7,10 +7,12 @@ import threading
 import time
 from collections import OrderedDict
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, TypeVar, cast
 
 from scan2nurbs.edges.params import EdgeParams
-from scan2nurbs.studio.live import moved
+from scan2nurbs.part_faces import Parted
+from scan2nurbs.studio.live import moved, normals_of
 from scan2nurbs.studio.messages import STEPS, Step
 from scan2nurbs.studio.store import NAMES, Name, Store
 
@@ -37,6 +39,12 @@ class Cancelled(Exception):  # noqa: N818 - no error: it was asked for
 
 class Reached(Exception):  # noqa: N818 - no error: there is no more to do
     """All wanted stages are done."""
+
+
+def without_marks(chain: list[Any]) -> list[Any]:
+    """Return what was given without what only says which points are marked as edges: the sliders, and corrections by hand."""
+    pairs = [(name, given) for name, given in zip(chain[::2], chain[1::2], strict=True) if name != "boundary"]
+    return [part for name, given in pairs for part in (name, normals_of(given) if isinstance(given, EdgeParams) else given)]
 
 
 class Stages:
@@ -78,7 +86,7 @@ class Stages:
         self.notes: dict[Step, list[str]] = {}
 
     def begin(self, until: Step, on_step: Callable[[Step], None], seen: Callable[[Step], bool] = lambda _step: False) -> None:
-        """Begin a run that ends after the step `until`.
+        """Begin a run that ends after the step `until`, or the last one after it of which nothing has to be computed.
 
         Parameters
         ----------
@@ -101,12 +109,13 @@ class Stages:
         step = STEP_OF[stage]
         if self._step not in (None, step):
             self.finish()
-            if STEPS.index(step) > STEPS.index(self._until):
-                self._step = None
-                raise Reached
         self._step = step
         self.check()
-        if stage == "model" and not self._in_memory(stage, given) and self._is_seen(stage, given):
+        beyond = STEPS.index(step) > STEPS.index(self._until)
+        if stage == "model" and (beyond or not self._in_memory(stage, given)) and self._is_seen(stage, given):
+            raise Reached
+        if beyond and not self._is_kept(stage, given):
+            self._step = None
             raise Reached
         if isinstance(given, EdgeParams):
             result = self.keep(stage, given, lambda: self._moved(given) or compute())
@@ -114,6 +123,7 @@ class Stages:
         else:
             result = self.keep(stage, given, compute)
         self.results[stage] = result
+        self._chain = self._chain_of(stage, result)
         return result
 
     def keep(self, name: str, given: object, compute: Callable[[], Result]) -> Result:
@@ -145,6 +155,14 @@ class Stages:
         finally:
             del self._chain[-2:]
 
+    def _is_kept(self, stage: str, given: object) -> bool:
+        """Tell whether a stage's result need not be computed."""
+        self._chain += [stage, given]
+        try:
+            return self._found(stage) is not None
+        finally:
+            del self._chain[-2:]
+
     def _in_memory(self, stage: str, given: object) -> bool:
         return (*self._chain, stage, given) in self._kept.get(stage, ())
 
@@ -160,9 +178,9 @@ class Stages:
         if found is None:
             start = time.perf_counter()
             result = compute()
-            found = self._remember(name, (result, time.perf_counter() - start))
+            found = self._remember(name, self._chain_of(name, result), (result, time.perf_counter() - start))
         if self.store is not None and name in NAMES:
-            self._note(self.store.put(cast(Name, name), self._digest(), *found, self.results))
+            self._note(self.store.put(cast(Name, name), self._digest(self._chain_of(name, found[0])), *found, self.results))
         step = self._step or "scan"
         if name in STEP_OF:
             self.took[name] = found[1]
@@ -171,27 +189,38 @@ class Stages:
 
     def _found(self, name: str) -> tuple[Any, float] | None:
         """Return what was kept in memory, else in a file."""
-        kept, chain = self._kept.get(name, OrderedDict()), tuple(self._chain)
-        if chain in kept:
-            kept.move_to_end(chain)
-            return kept[chain]
-        if self.store is None or name not in NAMES:
-            return None
-        found, why = self.store.get(cast(Name, name), self._digest(), self.results)
-        self._note(why)
-        return None if found is None else self._remember(name, found)
+        kept = self._kept.get(name, OrderedDict())
+        # Faces of other edge points are the same where those had no say.
+        chains = [self._chain, without_marks(self._chain)] if name == "faces" else [self._chain]
+        for chain in map(tuple, chains):
+            if chain in kept:
+                kept.move_to_end(chain)
+                result, seconds = kept[chain]
+                # What a file says of a result names the results in it, which are those of this run.
+                return (replace(result, edges=self.results["edges"]) if isinstance(result, Parted) else result), seconds
+        for chain in chains if self.store is not None and name in NAMES else ():
+            assert self.store is not None
+            found, why = self.store.get(cast(Name, name), self._digest(chain), self.results)
+            self._note(why)
+            if found is not None:
+                return self._remember(name, chain, found)
+        return None
 
-    def _remember(self, name: str, found: tuple[Any, float]) -> tuple[Any, float]:
+    def _remember(self, name: str, chain: list[Any], found: tuple[Any, float]) -> tuple[Any, float]:
         kept = self._kept.setdefault(name, OrderedDict())
-        kept[tuple(self._chain)] = found
+        kept[tuple(chain)] = found
         if len(kept) > _KEPT:
             kept.popitem(last=False)
         return found
 
-    def _digest(self) -> str:
-        """Return what the results so far follow from, as a short text that holds in another process too."""
+    def _chain_of(self, name: str, result: Any) -> list[Any]:
+        """Return what a result that was just computed follows from."""
+        return without_marks(self._chain) if name == "faces" and not result.by_edges else self._chain
+
+    def _digest(self, chain: list[Any]) -> str:
+        """Return what a result follows from, as a short text that holds in another process too."""
         # Of the scan its bytes count, not where they lie; everything else that is given is made of numbers, words and tuples.
-        _, (_, unit), *rest = self._chain
+        _, (_, unit), *rest = chain
         return hashlib.sha256(repr((self.results["read"].sha256, unit, *rest)).encode()).hexdigest()
 
     def _note(self, why: str | None) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from scan2nurbs.io.atomic import atomic_path
 from scan2nurbs.part import Model, PartParams
 from scan2nurbs.part_files import part_facts, part_record, write_deviations
 from scan2nurbs.report.record import peak_memory_mb, plain, versions
+from scan2nurbs.studio.edits import Json, describe_edit, step_of
 from scan2nurbs.studio.messages import ExportKind
 
 _KINDS = (
@@ -48,8 +50,18 @@ def export_name(kind: str, scan: Path) -> str:
     return scan.stem + known[kind].suffix
 
 
-def take_away(model: Model, params: PartParams, kind: str, path: Path) -> None:
+def take_away(model: Model, params: PartParams, kind: str, path: Path, edits: Sequence[Json] = ()) -> None:
     """Write a file, whole or not at all.
+
+    Parameters
+    ----------
+    model : Model
+    params : PartParams
+    kind : str
+        One of `export_kinds`.
+    path : Path
+    edits : sequence of dict
+        What was done, for the report.
 
     Raises
     ------
@@ -59,18 +71,21 @@ def take_away(model: Model, params: PartParams, kind: str, path: Path) -> None:
     if kind == "points":
         write_deviations(path, model)
     elif kind == "report":
-        _write_report(path, model, params)
+        _write_report(path, model, params, edits)
     else:
         model.write(path, schema="AP214" if kind == "step-ap214" else "AP242")
 
 
-def _write_report(path: Path, model: Model, params: PartParams) -> None:
+def _write_report(path: Path, model: Model, params: PartParams, edits: Sequence[Json]) -> None:
     from scan2nurbs.part_pictures import part_pictures  # noqa: PLC0415 - brings matplotlib
     from scan2nurbs.report.html import render_html  # noqa: PLC0415
 
     sections = {name: getattr(params, name) for name in ("edges", "segment", "topology", "model")}
     sections |= {"part": {"relations": params.relations, "corrections": params.corrections}, "relations": params.relation_params}
     record = part_record(model, plain(sections))
+    by_hand = [edit for edit in edits if "set" not in edit]
+    if by_hand:
+        record["done_by_hand"] = [{"step": step_of(edit).capitalize(), "what": describe_edit(edit)} for edit in by_hand]
     record = {"schema": "scan2nurbs/convert/1", **record, "outputs": [path], "peak_memory_mb": peak_memory_mb(), "versions": versions()}
     with atomic_path(path) as temporary:
         temporary.write_text(render_html(record, part_pictures(model), part_facts(model)), encoding="utf-8")

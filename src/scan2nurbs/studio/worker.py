@@ -19,10 +19,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, BinaryIO, TypeVar
 
-from scan2nurbs.errors import Scan2NurbsError
+from scan2nurbs.errors import InputError, Scan2NurbsError
 from scan2nurbs.part import Model, reconstruct
 from scan2nurbs.report.record import plain
-from scan2nurbs.studio.edits import Plan, replay
+from scan2nurbs.studio.edits import AFTER_EDGES, Json, Plan, replay
 from scan2nurbs.studio.messages import Step
 from scan2nurbs.studio.scenes import Scenes
 from scan2nurbs.studio.stages import STEP_OF, Cancelled, Reached, Stages
@@ -32,6 +32,10 @@ from scan2nurbs.studio.takeaway import take_away
 Result = TypeVar("Result")
 
 HEAD = struct.Struct("<Qc")
+_REPLACED = (
+    "The scan's file was replaced or changed since this project was made. Put the file back that was there; for the new one start another "
+    "studio with another folder: scan2nurbs studio SCAN --project DIR."
+)
 _EVERY = 0.05
 """Seconds between messages of progress."""
 
@@ -50,6 +54,7 @@ class Worker:
         self.stages = Stages()
         self.scenes = Scenes(self.stages)
         self.sent: dict[Step, str] = {}
+        self.sha256 = ""
         self.told = 0.0
 
     def say(self, **content: Any) -> None:
@@ -60,10 +65,11 @@ class Worker:
         """Do what is asked for, and say that it is done or why it is not."""
         try:
             self._keep_in(Path(request["project"]) / FOLDER)
+            self.sha256 = request["sha256"]
             if request["do"] == "run":
                 self.run(Path(request["scan"]), replay(request["edits"]), request["until"])
             else:
-                self.export(Path(request["scan"]), replay(request["edits"]), request["kind"], Path(request["path"]))
+                self.export(Path(request["scan"]), request["edits"], request["kind"], Path(request["path"]))
             self.say(say="done", trouble=None)
         except Cancelled:
             self.say(say="cancelled")
@@ -79,13 +85,14 @@ class Worker:
         with contextlib.suppress(Reached):
             self._show("model", plan, self._model(scan, plan))
 
-    def export(self, scan: Path, plan: Plan, kind: str, path: Path) -> None:
+    def export(self, scan: Path, edits: list[Json], kind: str, path: Path) -> None:
         """Write the model in a format."""
+        plan = replay(edits)
         self.stages.begin("model", lambda step: self._show(step, plan))
         model = self._model(scan, plan)
         self._show("model", plan, model)
         self.say(say="progress", step="export", stage="writing", done=0, total=1)
-        take_away(model, plan.params, kind, path)
+        take_away(model, plan.params, kind, path, edits)
 
     def _model(self, scan: Path, plan: Plan) -> Model:
         model = reconstruct(scan, plan.params, unit=plan.unit, progress=self._progress, run=self._stage)
@@ -96,7 +103,10 @@ class Worker:
         def told() -> Result:
             if stage in _CALLED:
                 self._progress(_CALLED[stage], 0, 0)
-            return compute()
+            result: Any = compute()
+            if stage == "read" and result.sha256 != self.sha256:
+                raise InputError(_REPLACED)
+            return result
 
         return self.stages(stage, given, told)
 
@@ -109,16 +119,19 @@ class Worker:
             self.scenes = Scenes(self.stages)
             self.sent.clear()
 
+    def _key(self, step: Step, plan: Plan) -> str:
+        return plan.key(step, by_edges=step not in AFTER_EDGES or self.stages.results["faces"].by_edges)
+
     def _show(self, step: Step, plan: Plan, model: Model | None = None) -> None:
-        key = plan.key(step)
+        key = self._key(step, plan)
         if self.sent.get(step) == key or (step == "model" and model is None):
             return
         self._send_scene(step, key, model)
 
     def _show_again(self, step: Step, plan: Plan) -> bool:
         """Send what was seen of a step before; tell whether there is such."""
-        key = plan.key(step)
-        if self.stages.has_scene(step, key):
+        key = self._key(step, plan)
+        if self.sent.get(step) != key and self.stages.has_scene(step, key):
             self._send_scene(step, key, None)
         return self.sent.get(step) == key
 

@@ -87,8 +87,9 @@ class Workshop:
     async def _started(self) -> asyncio.subprocess.Process:
         if self._process is None or self._process.returncode is not None:
             pipe = asyncio.subprocess.PIPE
+            # In a group of its own, so that Ctrl-C in a terminal is for the server alone, which ends the process.
             self._process = await asyncio.create_subprocess_exec(
-                sys.executable, "-m", "scan2nurbs.studio.worker", stdin=pipe, stdout=pipe, limit=1 << 22
+                sys.executable, "-m", "scan2nurbs.studio.worker", stdin=pipe, stdout=pipe, limit=1 << 22, start_new_session=True
             )
         return self._process
 

@@ -40,18 +40,23 @@ export function facesPanel(store: Store, selection: Selection, pointer: Pointer)
   };
   /** The same for every face that is chosen, as one edit: what one gesture does, one undo takes back. */
   const each = (made: (face: number) => Record<string, unknown>) => step(store.faces.length === 1 ? made(store.faces[0]!) : store.faces.map(made));
+  let keeps = false;
   const update = () => {
     const [faces, some] = [store.faces, selection.count > 0];
     const one = faces.length === 1 ? faces[0]! : null;
     const entries = store.entries().filter((other) => faces.includes(other.number));
     const common = <T,>(values: T[]): T | null => (values.length && values.every((value) => value === values[0]) ? values[0]! : null);
     element.hidden = store.result("faces") === null;
-    const kinds = h("select", { id: "face-kind", disabled: !faces.length, title: "Choose the type of the faces' surfaces", onchange: () => each((face) => ({ type: { face, kind: kinds.value } })) });
+    const kinds = h("select", { id: "face-kind", disabled: !faces.length, title: "Choose the type of the faces' surfaces", onchange: () => (kinds.value ? each((face) => ({ type: { face, kind: kinds.value } })) : update()) });
     fill(kinds, h("option", { value: "" }, "Type…"), ...(store.welcome?.kinds ?? []).map((kind) => h("option", { value: kind }, kind === "bspline" ? "bspline (NURBS)" : kind)));
     kinds.value = common(entries.map((entry) => entry.kind)) ?? "";
     const unit = store.state?.unit ?? "";
     const far = `How far the face's surface may lie from its points besides their noise, in ${unit}; it is as simple as that allows`;
-    const given = () => (Number(tolerance.value) > 0 ? each((face) => ({ tolerance: { face, value: Number(tolerance.value) } })) : update());
+    const given = () => {
+      keeps = tolerance.value === "" && entries.some((entry) => entry.tolerance !== null);
+      give();
+    };
+    const give = () => (Number(tolerance.value) > 0 ? each((face) => ({ tolerance: { face, value: Number(tolerance.value) } })) : update());
     const tolerance = h("input", { id: "face-tolerance", type: "number", min: "0", step: "any", disabled: !faces.length, placeholder: `Tolerance, ${unit}`, title: far, onchange: given });
     tolerance.value = String(common(entries.map((entry) => entry.tolerance)) ?? "");
     const said = [faces.length ? `Face ${faces.join(", ")} chosen` : "", some ? `${count(selection.count)} points chosen` : ""].filter(Boolean).join("; ");
@@ -60,6 +65,7 @@ export function facesPanel(store: Store, selection: Selection, pointer: Pointer)
       element,
       h("h3", {}, "Correct by hand"),
       h("p", { class: "help" }, said ? `${said}.` : "Click a face in the picture or the list; Shift takes more. Lasso points to split a face or to give them to another."),
+      keeps && h("p", { class: "help warning", id: "keeps-tolerance" }, "A face keeps its tolerance; to take it back, undo the step that gave it."),
       h(
         "div",
         { class: "buttons" },
@@ -75,6 +81,7 @@ export function facesPanel(store: Store, selection: Selection, pointer: Pointer)
       ),
     );
   };
+  store.on(["faces", "state"], () => (keeps = false));
   store.on(["selection", "step", "faces", "state", "welcome", "frame"], update);
   update();
   return element;

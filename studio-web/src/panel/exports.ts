@@ -8,7 +8,7 @@ export function exportPanel(store: Store): HTMLElement {
     const files = store.state?.files ?? [];
     const busy = store.state?.running !== null;
     const kinds = (store.welcome?.exports ?? []).map((kind) =>
-      h("button", { class: kind.name === "step" ? "primary wide" : "wide", id: `export-${kind.name}`, disabled: !kind.available || busy, onclick: () => store.send({ type: "Export", kind: kind.name }) }, kind.text),
+      h("button", { class: kind.name === "step" ? "primary wide" : "wide", id: `export-${kind.name}`, disabled: !kind.available || busy, title: kind.name === "step" ? "Write this file (Enter)" : null, onclick: () => store.send({ type: "Export", kind: kind.name }) }, kind.text),
     );
     const written = files.map((file) =>
       h(
@@ -24,12 +24,17 @@ export function exportPanel(store: Store): HTMLElement {
       h("div", { class: "buttons column" }, ...kinds),
       h("h3", {}, "Files"),
       ...(written.length ? written : [h("p", { class: "help" }, "Nothing is written yet. Choose a format above; the file then stands here to be downloaded.")]),
-      h("p", { class: "help" }, "The command line makes the same STEP file: ", h("code", {}, `scan2nurbs convert --project ${store.state?.project ?? "DIR"} -o part.step`)),
+      h("p", { class: "help" }, "The command line makes the same STEP file: ", h("code", {}, `scan2nurbs convert --project ${quoted(store.state?.project ?? "DIR")} -o part.step`)),
     );
   };
   store.on(["state", "welcome", "step"], update);
   update();
   return element;
+}
+
+/** A word as a shell reads it. */
+function quoted(word: string): string {
+  return /^[\w@%+=:,./-]+$/.test(word) ? word : `'${word.replaceAll("'", `'\\''`)}'`;
 }
 
 function size(bytes: number): string {

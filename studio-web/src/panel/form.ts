@@ -12,7 +12,7 @@ export class Form {
     private readonly step: Step,
     private readonly without: string[] = [],
   ) {
-    store.on(["state", "welcome"], () => this.update());
+    store.on(["state", "welcome", "frame"], () => this.update());
     store.on(["trouble"], () => ((this.shown = ""), this.update()));
     this.update();
   }
@@ -23,13 +23,25 @@ export class Form {
     const matters = (field: FormField) => !state.idle.includes(`${field.stage}.${field.name}`);
     const fields = welcome.fields.filter((field) => field.step === this.step && !this.without.includes(field.name) && matters(field));
     const automatic = this.store.result(this.step)?.automatic ?? {};
-    const key = JSON.stringify([fields.map((field) => [field.name, state.values[`${field.stage}.${field.name}`]]), automatic, state.unit, state.project]);
+    const key = JSON.stringify([fields.map((field) => [field.name, state.values[`${field.stage}.${field.name}`]]), automatic, state.unit, state.project, this.store.frames.get("cloud")?.header.numbers["h"]]);
     if (key === this.shown) return;
     this.shown = key;
     const open = this.element.querySelector("details")?.open ?? false;
     const [common, rest] = [fields.filter((field) => field.common), fields.filter((field) => !field.common)];
     const more = rest.length > 0 && h("details", { open }, h("summary", {}, `More parameters (${rest.length})`), ...rest.map((field) => this.row(field, automatic)));
     fill(this.element, ...common.map((field) => this.row(field, automatic)), more);
+    if (more) more.append(...this.lengths(rest));
+  }
+
+  /** What lengths some of the numbers are counted in. */
+  private lengths(fields: FormField[]): HTMLElement[] {
+    const units = fields.map((field) => field.unit);
+    const [spacing, unit] = [this.store.frames.get("cloud")?.header.numbers["h"], this.store.state!.unit];
+    const about = [
+      units.some((other) => other === "h" || other === "h²") && `h is the spacing of the points as far as noise lets it be told${spacing ? `, ${number(spacing)} ${unit} here` : ""}.`,
+      units.includes("d̄") && "d̄ is the mean distance from a point to the nearest other one.",
+    ].filter((text): text is string => !!text);
+    return about.length ? [h("p", { class: "help lengths" }, about.join(" "))] : [];
   }
 
   private row(field: FormField, automatic: Record<string, unknown>): HTMLElement {
@@ -43,7 +55,9 @@ export class Form {
     const range = field.low === null ? "" : ` ${field.low} to ${field.high ?? "∞"}${unit ? ` ${unit}` : ""}.`;
     const control = this.control(field, value, placeholder, name);
     const text = h("label", { for: `field-${name}` }, field.label, unit ? h("span", { class: "dim" }, ` ${unit}`) : null);
-    return h("div", { class: "field", title: field.help + range }, h("div", { class: "line" }, text, control, reset), h("p", { class: "help" }, field.help + range));
+    const more = h("button", { class: "info", title: field.help + range, "aria-label": `About ${field.label}`, onclick: () => row.classList.toggle("told") }, "i");
+    const row = h("div", { class: "field", title: field.help + range }, h("div", { class: "line" }, text, control, reset, more), h("p", { class: "help" }, field.help + range));
+    return row;
   }
 
   private control(field: FormField, value: unknown, placeholder: string, name: string): HTMLElement {

@@ -1,5 +1,5 @@
 /** What needs to be seen at once: progress, troubles, a server that is gone, a studio without a scan. */
-import { fill, h } from "../dom";
+import { fill, h, write } from "../dom";
 import type { Store } from "../store";
 
 export function progressBar(store: Store): HTMLElement {
@@ -43,6 +43,16 @@ export function offline(store: Store): HTMLElement {
   return element;
 }
 
+/** What should be known all the time. */
+export function noticeLine(store: Store): HTMLElement {
+  const element = h("div", { class: "notice", role: "status", hidden: true });
+  store.on(["state"], () => {
+    element.hidden = !store.state?.notice;
+    write(element, store.state?.notice ?? "");
+  });
+  return element;
+}
+
 /** Without a project: where to drop a scan. */
 export function welcomePanel(store: Store, toasts: Toasts): HTMLElement {
   const input = h("input", { type: "file", id: "scan-file" });
@@ -58,11 +68,14 @@ export function welcomePanel(store: Store, toasts: Toasts): HTMLElement {
     if (!answer?.ok) toasts.show(answer ? await answer.text() : "The scan could not be sent to the studio.");
   };
   input.addEventListener("change", () => input.files?.[0] && void upload(input.files[0]));
-  zone.addEventListener("dragover", (event) => event.preventDefault());
-  zone.addEventListener("drop", (event) => {
+  // Anywhere on the page: a browser would leave the page for a file that is dropped beside.
+  window.addEventListener("dragover", (event) => event.preventDefault());
+  window.addEventListener("drop", (event) => {
     event.preventDefault();
     const file = event.dataTransfer?.files[0];
-    if (file) void upload(file);
+    if (!file || input.disabled) return;
+    if (store.state?.opens) void upload(file);
+    else toasts.show("A scan is open already. Start another studio for another scan.");
   });
   store.on(["state"], () => {
     const { state } = store;

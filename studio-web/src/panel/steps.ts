@@ -11,7 +11,7 @@ interface About {
 
 export const ABOUT: Record<Step, About> = {
   scan: { title: "Scan", text: "These are the points as they were read. Check extent and unit: a wrong unit makes a part of the wrong size.", action: "Measure the scan" },
-  edges: { title: "Edges", text: "Points where the surface turns sharply. Move the threshold until the edges stand out, and nothing else.", action: "Find edges" },
+  edges: { title: "Edges", text: "Points where the surface turns sharply. They make the curves that are drawn here and over the faces, and the column “edge” of labelled points. Move the threshold until the edges stand out, and nothing else. Faces are found from the bends of the surface, and corrected in their own step; these marks bear only on borders within freeform surfaces.", action: "Find edges" },
   faces: { title: "Faces", text: "Points in groups, each explained by one surface. Merge what belongs together, split what does not.", action: "Find faces" },
   surfaces: { title: "Surfaces", text: "A surface for each face, and the borders along which they meet, red where the scan ends. Points are coloured by their distance from their surface.", action: "Fit surfaces" },
   model: { title: "Model", text: "Faces trimmed along shared edges and sewn into one body, checked by the CAD kernel. Red edges are open: no other face meets there.", action: "Build the model" },

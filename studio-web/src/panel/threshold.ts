@@ -14,8 +14,11 @@ export function thresholdPanel(store: Store, sync: Sync): HTMLElement {
   const slider = h("input", { type: "range", id: "threshold", min: "0", max: "90", step: "0.1", "aria-label": "Threshold δ in degrees" });
   const alpha = h("input", { type: "range", id: "alpha", min: "0", max: "1", step: "0.01", "aria-label": "Weight α of DN" });
   const said = h("span", { id: "threshold-said" });
-  const alphaRow = h("div", { class: "line" }, h("label", { for: "alpha" }, "Weight α"), alpha);
-  const element = h("div", { class: "threshold" }, canvas, h("div", { class: "line" }, h("label", { for: "threshold" }, "Threshold δ"), slider), alphaRow, said);
+  const [degrees, weight] = [h("output", { for: "threshold", class: "value" }), h("output", { for: "alpha", class: "value" })];
+  const reset = h("button", { class: "reset", id: "threshold-reset", title: "Back to automatic", onclick: () => send("threshold", null) }, "↺");
+  const alphaRow = h("div", { class: "line" }, h("label", { for: "alpha" }, "Weight α"), alpha, weight);
+  const help = h("p", { class: "help" }, "Points with a strength above δ, from 0° to 90°, lie on an edge. Unless it is moved, it is chosen for the operator.");
+  const element = h("div", { class: "threshold" }, canvas, h("div", { class: "line" }, h("label", { for: "threshold" }, "Threshold δ"), slider, degrees, reset), help, alphaRow, said);
   let bins = new Uint32Array(BINS);
   let counted: unknown = null;
 
@@ -40,6 +43,9 @@ export function thresholdPanel(store: Store, sync: Sync): HTMLElement {
     paint(canvas, bins, sync.threshold);
     if (document.activeElement !== slider) slider.value = String(sync.threshold);
     if (document.activeElement !== alpha) alpha.value = String(sync.alpha);
+    write(degrees, `${number(sync.threshold)}°`);
+    write(weight, sync.alpha.toFixed(2));
+    reset.hidden = typeof store.state?.values["edges.threshold"] !== "number";
     const above = bins.subarray(Math.ceil((sync.threshold / 90) * BINS)).reduce((sum, n) => sum + n, 0);
     write(said, `${count(above)} points are stronger than ${number(sync.threshold)}°`);
   }
@@ -47,19 +53,30 @@ export function thresholdPanel(store: Store, sync: Sync): HTMLElement {
   const moved = () => sync.live(Number(slider.value), Number(alpha.value));
   slider.addEventListener("input", moved);
   alpha.addEventListener("input", moved);
-  const send = (name: string, value: number) => store.send({ type: "Edit", edit: { set: { stage: "edges", name, value } } });
+  const send = (name: string, value: number | null) => store.send({ type: "Edit", edit: { set: { stage: "edges", name, value } } });
   slider.addEventListener("change", () => (send("threshold", Number(slider.value)), slider.blur()));
   alpha.addEventListener("change", () => (send("alpha", Number(alpha.value)), alpha.blur()));
-  canvas.addEventListener("pointerdown", (event) => {
-    slider.value = String((event.offsetX / canvas.clientWidth) * 90);
+  const drag = (event: PointerEvent) => {
+    slider.value = String(Math.min(Math.max(event.offsetX / canvas.clientWidth, 0), 1) * 90);
     moved();
-    send("threshold", Number(slider.value));
-  });
-  store.on(["state"], () => {
+  };
+  canvas.addEventListener("pointerdown", (event) => (canvas.setPointerCapture(event.pointerId), drag(event)));
+  canvas.addEventListener("pointermove", (event) => canvas.hasPointerCapture(event.pointerId) && drag(event));
+  canvas.addEventListener("pointerup", (event) => canvas.hasPointerCapture(event.pointerId) && send("threshold", Number(slider.value)));
+  const given = () => {
     const value = store.state?.values["edges.alpha"];
     if (typeof value === "number" && document.activeElement !== alpha) sync.alpha = value;
-  });
-  store.on(["threshold", "frame", "step"], draw);
+  };
+  /** What was refused does not stay. */
+  const takeBack = () => {
+    const found = store.frames.get("edges")?.header.numbers["threshold"];
+    given();
+    if (found !== undefined && document.activeElement !== slider) sync.live(found, sync.alpha);
+  };
+  store.on(["state"], given);
+  store.on(["trouble"], takeBack);
+  canvas.addEventListener("pointercancel", takeBack);
+  store.on(["threshold", "frame", "step", "state"], draw);
   fill(said, "");
   draw();
   return element;

@@ -45,13 +45,22 @@ export class Pointer {
     this.store.tell("selection");
   }
 
+  /** Give up what is being drawn; tell whether something was. */
+  abort(): boolean {
+    const drawing = this.busy;
+    this.busy = false;
+    this.corners = [];
+    this.line.setAttribute("points", "");
+    return drawing;
+  }
+
   private down(event: PointerEvent): void {
     this.from = [event.offsetX, event.offsetY];
     if (event.button !== 0 || this.tool === "turn") return;
     this.busy = true;
     this.viewer.canvas.setPointerCapture(event.pointerId);
     this.corners = [this.from];
-    if (this.tool === "brush") this.selection.disc(...this.from, this.radius, howOf(event), this.through);
+    if (this.tool === "brush") this.selection.stroke(this.from, this.from, this.radius, howOf(event), this.through);
   }
 
   private move(event: PointerEvent): void {
@@ -60,7 +69,8 @@ export class Pointer {
       this.ring.setAttribute("cx", String(at[0]));
       this.ring.setAttribute("cy", String(at[1]));
       this.ring.setAttribute("r", String(this.radius));
-      if (this.busy) this.selection.disc(...at, this.radius, event.altKey ? "remove" : "add", this.through);
+      if (this.busy) this.selection.stroke(this.corners[0]!, at, this.radius, event.altKey ? "remove" : "add", this.through);
+      if (this.busy) this.corners = [at];
     } else if (this.tool === "lasso" && this.busy) {
       this.corners.push(at);
       this.line.setAttribute("points", this.corners.map((corner) => corner.join(",")).join(" "));
@@ -72,9 +82,7 @@ export class Pointer {
     const still = Math.hypot(event.offsetX - this.from[0], event.offsetY - this.from[1]) < 4;
     if (this.tool === "turn" && still) this.pick(event);
     if (this.tool === "lasso" && this.busy && this.corners.length > 2) this.selection.outline(this.corners, howOf(event), this.through);
-    this.busy = false;
-    this.corners = [];
-    this.line.setAttribute("points", "");
+    this.abort();
   }
 
   private pick(event: PointerEvent): void {

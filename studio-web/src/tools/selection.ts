@@ -30,10 +30,16 @@ export class Selection {
     this.apply(found, how, through && !this.viewer.cameras.isPerspective ? this.spec(corners) : null);
   }
 
-  /** Choose the points within some pixels of a place on the screen. */
-  disc(x: number, y: number, radius: number, how: How, through: boolean): void {
-    const near = (px: number, py: number) => (px - x) ** 2 + (py - y) ** 2 <= radius ** 2;
-    this.apply(this.within(near, [x - radius, y - radius, x + radius, y + radius], through), how, null);
+  /** Choose the points within some pixels of a stroke from one place on the screen to another. */
+  stroke([x, y]: Corner, to: Corner, radius: number, how: How, through: boolean): void {
+    const [dx, dy] = [to[0] - x, to[1] - y];
+    const length2 = Math.max(dx * dx + dy * dy, 1e-9);
+    const near = (px: number, py: number) => {
+      const along = Math.min(Math.max(((px - x) * dx + (py - y) * dy) / length2, 0), 1);
+      return (px - x - along * dx) ** 2 + (py - y - along * dy) ** 2 <= radius ** 2;
+    };
+    const [left, top, right, bottom] = bounds([[x, y], to]) as [number, number, number, number];
+    this.apply(this.within(near, [left - radius, top - radius, right + radius, bottom + radius], through), how, null);
   }
 
   clear(): void {

@@ -22,7 +22,7 @@ const COLOURS: [Colouring, string][] = [
 export function toolbar(store: Store, viewer: Viewer, sync: Sync, pointer: Pointer): HTMLElement {
   const tools = h("div", { class: "group", role: "group", "aria-label": "Tools" });
   const reach = h("div", { class: "group" });
-  const colours = h("select", { id: "colouring", title: "What points are coloured by (C)", onchange: () => sync.colour(colours.value as Colouring) });
+  const colours = h("select", { id: "colouring", title: "What points are coloured by (C)", onchange: () => sync.choose(colours.value as Colouring) });
   const camera = h("button", { id: "camera", title: "Orthographic or perspective (P)", onclick: () => switchCamera() });
   const views = h("select", { title: "Look from a side", "aria-label": "Standard views", onchange: () => (viewer.cameras.look(views.value), (views.value = "")) });
   fill(views, h("option", { value: "" }, "View…"), ...Object.keys(VIEWS).map((name) => h("option", { value: name }, name)));

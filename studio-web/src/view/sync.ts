@@ -1,4 +1,5 @@
 /** From the server's arrays to what is drawn: which layers there are, and how points are coloured. */
+import type { Step } from "../messages";
 import type { Colouring, Store } from "../store";
 import { Cloud, COLOURINGS } from "./cloud";
 import { paletteTexture, rampTexture } from "./colours";
@@ -11,6 +12,11 @@ const FREE = 0xff5a5a;
 const NET = 0x4dff88;
 /** Of surfaces under points that are coloured by their distance from them. */
 const GREY = [0.4, 0.45, 0.5];
+/** Of points that were added to the edges or taken from them by hand, as the points' program has them. */
+const BY_HAND = [
+  { name: "added by hand", colour: [0.3, 0.9, 0.55] },
+  { name: "taken away by hand", colour: [0.62, 0.45, 0.85] },
+];
 const TITLES: Record<Colouring, string> = { plain: "", height: "Height", strength: "Edge strength", face: "Faces", deviation: "Deviation" };
 
 export class Sync {
@@ -20,7 +26,11 @@ export class Sync {
   /** Row of the input of each point; null where they are the same. */
   rows: Int32Array | null = null;
   strength: Float32Array | null = null;
+  /** How points that were corrected by hand are coloured, where there are such. */
+  private byHand: typeof BY_HAND = [];
   private shown = new Map<string, string>();
+  /** The colourings that were chosen by hand, by step. */
+  private readonly chosen = new Map<Step, Colouring>();
 
   constructor(
     private readonly store: Store,
@@ -32,14 +42,23 @@ export class Sync {
     store.on(["faces"], () => this.recolour());
     store.on(["step"], () => this.colour(this.natural()));
     store.on(["threshold"], () => this.numbers());
+    viewer.onSwitched = () => this.recolour();
   }
 
-  /** The colouring that belongs to a step. */
+  /** The colouring that belongs to a step: the one that was chosen by hand for it, if any. */
   natural(): Colouring {
+    const chosen = this.chosen.get(this.store.step);
+    if (chosen) return chosen;
     if (this.store.step === "scan") return "height";
     if (this.store.step === "edges") return this.strength ? "strength" : "height";
     if (this.store.step === "surfaces" && this.store.frames.has("surfaces")) return "deviation";
     return this.store.facesStep() ? "face" : "height";
+  }
+
+  /** Colour as a person wants it in this step, from now on. */
+  choose(colouring: Colouring): void {
+    this.chosen.set(this.store.step, colouring);
+    this.colour(colouring);
   }
 
   colour(colouring: Colouring): void {
@@ -63,7 +82,9 @@ export class Sync {
       const cloud = this.viewer.cloud;
       this.strength = (frame.arrays["strength"] as Float32Array).map((value) => (Number.isNaN(value) ? -1 : value));
       cloud.column("strength", this.strength);
-      cloud.column("corrected", frame.arrays["corrected"]!);
+      const corrected = frame.arrays["corrected"]!;
+      cloud.column("corrected", corrected);
+      this.byHand = BY_HAND.filter((_, k) => corrected.includes(k + 1));
       cloud.normals(frame.arrays["normals"] as Uint8Array);
       const weighted = "dn" in frame.arrays;
       if (weighted) for (const column of ["dn", "vdn"]) cloud.column(column, (frame.arrays[column] as Float32Array).map((value) => (Number.isNaN(value) ? -1 : value)));
@@ -110,7 +131,7 @@ export class Sync {
     const { store, viewer } = this;
     if (!viewer.cloud) return;
     const entries = store.entries();
-    const neutral = this.colouring === "deviation" && store.step === "surfaces" && store.faces.length === 0;
+    const neutral = this.colouring === "deviation" && store.step === "surfaces" && store.faces.length === 0 && viewer.layers.get("points")!.on;
     const palette = paletteTexture(new Map(entries.map((entry) => [entry.number, neutral ? GREY : entry.colour])), store.faces);
     viewer.palette.palette.value?.dispose();
     viewer.palette.palette.value = palette.map;
@@ -133,9 +154,15 @@ export class Sync {
     uniforms.range.value.set(low, high);
     const unit = store.state?.unit ?? "";
     const shift = this.colouring === "height" ? (store.frames.get("cloud")?.header.numbers["z"] ?? 0) : 0;
-    if (this.colouring === "plain" || (this.colouring === "face" && entries.length === 0)) legend.hide();
-    else if (this.colouring === "face") legend.faces(entries);
-    else legend.ramp(TITLES[this.colouring], ramp, low + shift, high + shift, this.colouring === "strength" ? "°" : unit, this.colouring === "strength" ? this.threshold : undefined);
+    const strength = this.colouring === "strength";
+    const points = viewer.layers.get("points")!.on;
+    if (!points || this.colouring === "face") {
+      // Without points it is the faces that are seen, in their colours.
+      const faces = points || (["surfaces", "model"] as const).some((name) => viewer.layers.get(name)!.on && viewer.layers.get(name)!.parts.length > 0);
+      if (faces && entries.length) legend.faces(entries);
+      else legend.hide();
+    } else if (this.colouring === "plain") legend.hide();
+    else legend.ramp(TITLES[this.colouring], ramp, low + shift, high + shift, strength ? "°" : unit, strength ? this.threshold : undefined, strength ? this.byHand : []);
     viewer.draw();
   }
 

@@ -20,6 +20,8 @@ export class Viewer {
   readonly times: number[] = [];
   readonly layers = new Map<LayerName, { parts: (Lines | FaceMesh)[]; on: boolean; opacity: number }>();
   onDrawn: () => void = () => undefined;
+  /** Called when a layer was switched on or off. */
+  onSwitched: () => void = () => undefined;
   readonly pace: Pace;
   private readonly renderer: THREE.WebGLRenderer;
   private readonly scene = new THREE.Scene();
@@ -79,6 +81,7 @@ export class Viewer {
 
   switch(layer: LayerName, on: boolean, opacity: number): void {
     const entry = this.layers.get(layer)!;
+    const switched = entry.on !== on;
     Object.assign(entry, { on, opacity });
     for (const part of entry.parts) {
       part.object.visible = on && opacity > 0;
@@ -88,6 +91,7 @@ export class Viewer {
       this.cloud.points.visible = on && opacity > 0;
       this.cloud.fade(opacity);
     }
+    if (switched) this.onSwitched();
     this.draw();
   }
 
