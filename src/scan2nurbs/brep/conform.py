@@ -37,8 +37,8 @@ _FARTHEST = 5.0
 """A surface farther than this from its border, in h, is another one."""
 _HOLD, _STAY, _SMOOTH = 0.05, 0.3, 0.15
 _MESH_NOISE = 0.05
-_FOLDS = 32
-"""Cells of a bent surface that may fold, beside its borders: sound ones have four, those in which triangulation is lost hundreds."""
+_FOLDS = 200
+"""Cells of a bent surface that may fold, most of them beside its face; with more its triangulation may take minutes."""
 
 
 def yielding(
