@@ -9,10 +9,18 @@ export type Palette = { palette: { value: THREE.Texture | null }; paletteSize: {
 export class Lines {
   readonly object: THREE.LineSegments;
 
-  constructor(segments: Values, colour: number) {
+  /** Lines are drawn nearer to the eye by `lift`, so that noisy points beside them do not bury them. */
+  constructor(segments: Values, colour: number, lift = 0) {
     const geometry = new THREE.BufferGeometry();
     geometry.setAttribute("position", new THREE.BufferAttribute(segments, 3));
-    this.object = new THREE.LineSegments(geometry, new THREE.LineBasicMaterial({ color: colour, transparent: true }));
+    const material = new THREE.LineBasicMaterial({ color: colour, transparent: true });
+    material.onBeforeCompile = (shader): void => {
+      shader.uniforms["lift"] = { value: lift };
+      shader.vertexShader = shader.vertexShader
+        .replace("void main() {", "uniform float lift;\nvoid main() {")
+        .replace("#include <project_vertex>", "vec4 mvPosition = modelViewMatrix * vec4(transformed, 1.0);\nmvPosition.z += lift;\ngl_Position = projectionMatrix * mvPosition;");
+    };
+    this.object = new THREE.LineSegments(geometry, material);
     this.object.renderOrder = 2;
     this.object.frustumCulled = false;
   }

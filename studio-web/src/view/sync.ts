@@ -7,6 +7,8 @@ import { FaceMesh, Lines, Nets } from "./layers";
 import type { Legend } from "./legend";
 import type { Viewer } from "./viewer";
 
+/** How much nearer to the eye curves are drawn than they are, in h: points scatter about the surface, and are discs as wide as their distance. */
+const LIFT = 2;
 const CURVE = 0xffe9a8;
 const FREE = 0xff5a5a;
 const NET = 0x4dff88;
@@ -104,8 +106,9 @@ export class Sync {
     const [surfaces, model] = [store.frames.get("surfaces"), store.frames.get("model")];
     const late = store.step === "model" || store.step === "export";
     const lines = late && model ? model : (store.step === "surfaces" || late) && surfaces ? surfaces : store.step === "edges" || store.step === "faces" ? edges : undefined;
+    const lift = LIFT * (store.frames.get("cloud")?.header.numbers["h"] ?? 0);
     this.layer("curves", lines, () =>
-      lines === edges ? [new Lines(lines!.arrays["curves"]!, CURVE)] : [new Lines(lines!.arrays["edges"]!, CURVE), new Lines(lines!.arrays["free"]!, FREE)],
+      lines === edges ? [new Lines(lines!.arrays["curves"]!, CURVE, lift)] : [new Lines(lines!.arrays["edges"]!, CURVE, lift), new Lines(lines!.arrays["free"]!, FREE, lift)],
     );
     this.layer("surfaces", store.step === "surfaces" ? surfaces : undefined, () => [mesh(surfaces!.arrays, viewer)]);
     this.layer("nets", store.step === "surfaces" || late ? surfaces : undefined, () => [new Nets(surfaces!.arrays["nets"]!, NET)]);
