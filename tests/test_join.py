@@ -105,3 +105,11 @@ def test_a_face_that_is_not_seen_leaves_its_neighbours(monkeypatch):
     assert alone[0] in (0, 2)
     assert part.faces[alone[0]].area == min(part.faces[f].area for f in (0, 2))
     assert any("would be lost where the part is shown" in note for note in part.notes)
+
+
+def test_a_part_that_the_kernel_fails_to_show_is_built_all_the_same(monkeypatch):
+    def fails(_faces, _shape):
+        raise KernelError("The CAD kernel could not triangulate the part.")
+
+    monkeypatch.setattr(join, "unseen", fails)
+    assert box().build().closed

@@ -9,6 +9,7 @@ from typing import Any
 from scan2nurbs.brep.alone import trim_alone
 from scan2nurbs.brep.check import check, is_valid, is_valid_meshed
 from scan2nurbs.brep.endure import endures
+from scan2nurbs.brep.occ import KernelError
 from scan2nurbs.brep.sewn import sew
 from scan2nurbs.brep.solids import Assembled, apart, area, assemble, compound
 from scan2nurbs.brep.viewed import unseen
@@ -101,7 +102,10 @@ def _shown(faces: list[Pieces], how: list[str], around: Surroundings, notes: lis
     """Give outlines of their own to faces that would be lost, or spoil a neighbour, where the part is shown."""
     faces, how, whole = list(faces), list(how), _together(faces)
     for _ in range(_SHOWN):
-        lost = [f for f in unseen(faces, whole.shape) if how[f] not in ("alone", "lost")] if is_valid(whole.shape) else []
+        try:
+            lost = [f for f in unseen(faces, whole.shape) if how[f] not in ("alone", "lost")] if is_valid(whole.shape) else []
+        except KernelError:  # what the kernel cannot triangulate at all is found, and told, below
+            break
         if not lost:
             break
         # Of two neighbours with a bad edge between them the narrower one is at fault.
