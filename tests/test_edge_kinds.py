@@ -138,12 +138,12 @@ def test_openness_is_high_at_a_border_and_low_inside_and_at_a_crease():
     cells = build_cells(points, 4.0)
     a = np.radians(45.0)
     normals = np.column_stack([np.sign(cells.points[:, 0]) * np.sin(a), np.zeros(len(points)), np.full(len(points), np.cos(a))])
-    found = openness(cells, normals, np.full(len(points), 4.0), 0.4)
+    found = openness(cells, normals, 4.0, 0.4)
     y, depth = cells.points[:, 1], -cells.points[:, 2] * np.sqrt(2)
     at_end = (np.minimum(y, 39 - y) < 0.3) & (depth > 5) & (depth < 34)
     inner = (np.minimum(y, 39 - y) > 5) & (depth < 34)
     assert found[at_end].min() > 0.8
     assert np.quantile(found[inner], 0.98) < 0.8
-    borders = find_borders(cells, normals, np.ones(len(points)), 1.0, 0.0)
+    borders = find_borders(cells, normals, 1.0, 0.0)
     assert not borders.mask[inner & (depth < 3)].any()
     assert borders.outline[at_end].mean() > 0.9

@@ -9,11 +9,12 @@ from hypothesis import strategies as st
 from scipy.spatial import KDTree
 
 from scan2nurbs.kernels.cells import build_cells
+from scan2nurbs.kernels.differences import normal_differences, normals_differ
 from scan2nurbs.kernels.distinct import distinct_rows
 from scan2nurbs.kernels.graph import basins
 from scan2nurbs.kernels.moments import ball_planes
 from scan2nurbs.kernels.nearest import nearest_distance, nearest_neighbours, nearest_to
-from scan2nurbs.kernels.one_sided import normal_differences, one_sided_planes
+from scan2nurbs.kernels.one_sided import one_sided_planes
 from scan2nurbs.kernels.runner import set_threads
 from scan2nurbs.kernels.sorting import radix_argsort
 from scan2nurbs.kernels.symmetric3 import line_angles
@@ -223,6 +224,7 @@ def test_results_do_not_depend_on_the_number_of_threads():
             *ball_planes(cells, 40.0, sectors=4),
             chosen,
             normal_differences(cells, planes.normal[chosen], 2.0, 0.9),
+            normals_differ(cells, planes.normal[chosen], 2.0, 0.9, 10.0),
             index,
             distance,
         )
@@ -285,6 +287,22 @@ def test_normal_differences_equal_a_quantile(points, factor, quantile):
             assert np.isnan(got[i])
         else:
             assert got[i] == pytest.approx(angles[int(np.ceil(quantile * len(angles))) - 1], abs=1e-6)
+
+
+@given(clouds, st.floats(0.5, 4.0), st.sampled_from([0.5, 0.9, 1.0]), st.floats(5.0, 85.0))
+def test_normals_differ_where_their_differences_exceed_the_angle(points, factor, quantile, angle):
+    radius = factor * np.ptp(points, axis=0).max() / np.sqrt(len(points))
+    cells = build_cells(points, 2.0 * radius)
+    normals = np.random.default_rng(1).normal(size=(len(points), 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    normals[::5] = np.nan
+    # Distances are compared in float32: leave out points with a neighbour just at the radius.
+    distance = np.linalg.norm(cells.points[:, None] - cells.points, axis=2)
+    clear = np.all(np.abs(distance - radius) > 1e-4 * radius, axis=1)
+    wanted = normal_differences(cells, normals, radius, quantile)
+    clear &= ~(np.abs(wanted - angle) < 1e-2)
+    got = normals_differ(cells, normals, radius, quantile, angle)
+    assert np.array_equal(got[clear], np.where(np.isnan(wanted), -1, wanted > angle)[clear])
 
 
 def test_basins_are_parted_by_deep_saddles_only():

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scan2nurbs.kernels.cells import Cells, build_cells
+from scan2nurbs.kernels.cells import Cells, build_cells, unsorted
 from scan2nurbs.kernels.openness import openness
 from scan2nurbs.kernels.thinning import join_groups
 
-# Radius of the balls, in local spacings and standard deviations of the noise.
+# Radius of the balls, in spacings and standard deviations of the noise.
 REACH, NOISE_REACH = 4.0, 2.0
 # A quarter of the directions is empty where it holds less than this part of the fullest quarter: one point of a dozen.
 OPEN = 0.88
@@ -24,7 +24,7 @@ HOLE, SHEET, GAP_SHARE = 24.0, 0.5, 0.2
 
 @dataclass(frozen=True)
 class Borders:
-    """Points at the border of the scan, in the order of the sorted points.
+    """Points at the border of the scan.
 
     Attributes
     ----------
@@ -32,16 +32,24 @@ class Borders:
         All of them.
     outline : (N,) bool
         Those of borders too long to be a hole in the data: there a sheet ends.
-    openness : (N,) float64
+    openness : (N,) float32
         How much emptier the emptiest quarter about the point is than the fullest, in [0, 1].
     """
 
     mask: NDArray[np.bool_]
     outline: NDArray[np.bool_]
-    openness: NDArray[np.float64]
+    openness: NDArray[np.float32]
+
+    def sorted(self, cells: Cells) -> Borders:
+        """Return them in the order of the sorted points, if they stand in that of the points that the cells were built from."""
+        return Borders(*(values[cells.order] for values in (self.mask, self.outline, self.openness)))
+
+    def unsorted(self, cells: Cells) -> Borders:
+        """Return them in the order of the points that the cells were built from, if they stand in that of the sorted points."""
+        return Borders(*(unsorted(cells, values) for values in (self.mask, self.outline, self.openness)))
 
 
-def find_borders(cells: Cells, normals: NDArray[np.float64], spacing: NDArray[np.float64], h: float, noise: float) -> Borders:
+def find_borders(cells: Cells, normals: NDArray[np.float64], h: float, noise: float) -> Borders:
     """Find the points beside which the surface is not scanned.
 
     Parameters
@@ -50,10 +58,8 @@ def find_borders(cells: Cells, normals: NDArray[np.float64], spacing: NDArray[np
         The sorted points.
     normals : (N, 3) float64
         Unit normals as lines, in sorted order; NaN where unknown.
-    spacing : (N,) float64
-        Local spacing at each sorted point.
     h : float
-        The spacing of the whole cloud.
+        The spacing.
     noise : float
         Standard deviation of the points across the surface.
 
@@ -62,8 +68,7 @@ def find_borders(cells: Cells, normals: NDArray[np.float64], spacing: NDArray[np
     The largest angular gap between neighbours (as in Bendels, Schnabel and Klein 2006) is looked for in counts, not in angles: noise and
     single outliers then change little. Borders come in chains, which chance does not make.
     """
-    local = np.minimum(spacing, 2.0 * h)
-    found = openness(cells, normals, REACH * local + NOISE_REACH * noise, 0.35 * h + 3.0 * noise)
+    found = openness(cells, normals, REACH * h + NOISE_REACH * noise, 0.35 * h + 3.0 * noise)
     candidate = np.flatnonzero(found >= OPEN)
     mask, outline = np.zeros(len(found), bool), np.zeros(len(found), bool)
     if len(candidate):

@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 
 from scan2nurbs.edges.border import find_borders
 from scan2nurbs.edges.evidence import WeighedPieces, sharp_pieces, weigh, without_rounded
-from scan2nurbs.edges.operators import RADIUS_RANGE, Lengths, Strength, compare_planes, in_input_order, one_sided_planes_of
+from scan2nurbs.edges.operators import NEIGHBOURS, QUANTILE, RADIUS_RANGE, Lengths, Strength, in_input_order, one_sided_planes_of
 from scan2nurbs.edges.params import EdgeParams
 from scan2nurbs.edges.pieces import Pieces, aligned, apart_from, join, pieces_under
 from scan2nurbs.edges.spacings import Spacing, at_spacing, spacings_of
 from scan2nurbs.kernels.bend_widths import Bends, fit_bends
 from scan2nurbs.kernels.cells import Cells
+from scan2nurbs.kernels.differences import normals_differ
 from scan2nurbs.kernels.runner import Progress
 from scan2nurbs.kernels.sides import Meetings, meeting_sides
 
@@ -54,7 +55,7 @@ def crease(cells: Cells, lengths: Lengths, params: EdgeParams, progress: Progres
     points, at about 100 µs each.
     """
     strength = np.zeros(len(cells.points))
-    candidates: Strength | None = None
+    first: Look | None = None
     windows: list[float] = []
     n_places = n_pieces = 0
     for spacing in spacings_of(cells, lengths.h):
@@ -63,20 +64,21 @@ def crease(cells: Cells, lengths: Lengths, params: EdgeParams, progress: Progres
         nearest = pieces_under(cells, aligned(pieces, local.h), _reach(params, local.h), local.h)
         on = np.flatnonzero(nearest >= 0)
         strength[on] = np.maximum(strength[on], np.minimum(np.degrees(pieces.turn[nearest[on]]), 90.0))
-        candidates = candidates or looks[0].candidates
+        first = first or looks[0]
         windows += [look.window for look in looks]
         n_places += sum(look.n_places for look in looks)
         n_pieces += len(pieces.turn)
-    assert candidates is not None  # a cloud has its own spacing, at least
-    border = find_borders(cells, candidates.normal, np.full(len(cells.points), lengths.h), lengths.h, lengths.noise).outline
-    strength[np.isnan(candidates.strength)] = np.nan
-    strength[border] = 90.0
+    assert first is not None  # a cloud has its own spacing, at least
+    borders = find_borders(cells, first.normal, lengths.h, lengths.noise)
+    strength[first.differs < 0] = np.nan
+    strength[borders.outline] = 90.0
     named = {f"window_{k + 1}" if k else "window": window for k, window in enumerate(windows)}
     found = Strength(
         strength=strength,
-        normal=candidates.normal,
-        radii=candidates.radii | named | {"reach": _reach(params, lengths.h)},
-        counts=candidates.counts | {"crease_candidates": n_places, "crease_pieces": n_pieces, "border_points": int(border.sum())},
+        normal=first.normal,
+        radii={"one_sided": first.radius} | named | {"reach": _reach(params, lengths.h)},
+        counts=first.counts | {"crease_candidates": n_places, "crease_pieces": n_pieces, "border_points": int(borders.outline.sum())},
+        borders=borders,
     )
     return in_input_order(found, cells)
 
@@ -89,10 +91,13 @@ def _reach(params: EdgeParams, h: float) -> float:
 
 
 class Look(NamedTuple):
-    """What was seen through windows of one width."""
+    """What was seen through windows of one width; normals, and where they differ, are of all points."""
 
     window: float
-    candidates: Strength
+    radius: float
+    normal: NDArray[np.float64]
+    differs: NDArray[np.int8]
+    counts: dict[str, int]
     n_places: int
     weighed: WeighedPieces
 
@@ -113,11 +118,12 @@ def _creases(cells: Cells, lengths: Lengths, params: EdgeParams, where: Spacing,
 def _look(cells: Cells, lengths: Lengths, params: EdgeParams, window: float, where: Spacing, progress: Progress | None) -> Look:
     """Fit bends in windows of one width wherever one-sided normals differ."""
     planes = one_sided_planes_of(cells, lengths, params, progress)
-    candidates = compare_planes(cells, planes, lengths, progress)
-    places = at_spacing(cells, np.flatnonzero(candidates.strength > CANDIDATE), where)
+    normal = planes.normal
+    differs = normals_differ(cells, normal, NEIGHBOURS * lengths.h, QUANTILE, CANDIDATE, progress=progress)
+    places = at_spacing(cells, np.flatnonzero(differs > 0), where)
     meetings = meeting_sides(cells, planes.normals.balls, planes.chosen, places, SIDES * lengths.h)
     meetings, bends = _bends(cells, places, meetings, window, lengths)
-    return Look(window, candidates, len(places), weigh(meetings, bends, lengths.h))
+    return Look(window, planes.radius, normal, differs, planes.counts, len(places), weigh(meetings, bends, lengths.h))
 
 
 def _bends(cells: Cells, places: NDArray[np.int64], meetings: Meetings, window: float, lengths: Lengths) -> tuple[Meetings, Bends]:

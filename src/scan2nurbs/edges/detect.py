@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from scan2nurbs.edges.border import Borders
 from scan2nurbs.edges.crease import crease
 from scan2nurbs.edges.operators import Lengths, Strength, run_operator
 from scan2nurbs.edges.params import EdgeParams
@@ -50,6 +51,8 @@ class Edges:
         Degrees by which the surface turns at the edge, and their standard deviation; NaN on no edge.
     confidence : (N,) float64, or None
         How sure edge and kind are, in [0, 1]; 0 on no edge.
+    borders : Borders, or None
+        Where the scan ends, until the kinds of edges say it.
     """
 
     strength: NDArray[np.float64]
@@ -69,6 +72,7 @@ class Edges:
     angle: NDArray[np.float64] | None = None
     angle_error: NDArray[np.float64] | None = None
     confidence: NDArray[np.float64] | None = None
+    borders: Borders | None = None
 
 
 def detect(points: NDArray[np.float64], scale: Scale, params: EdgeParams, progress: Progress | None = None) -> Edges:
@@ -121,6 +125,7 @@ def detect(points: NDArray[np.float64], scale: Scale, params: EdgeParams, progre
         radii=collected.radii,
         runs=tuple(runs),
         counts=collected.counts,
+        borders=collected.borders,
     )
 
 
@@ -142,6 +147,7 @@ class _Collector:
         self.values: dict[str, NDArray[np.float64]] = {}
         self.radii: dict[str, float] = {}
         self.counts: dict[str, int] = {}
+        self.borders: Borders | None = None
 
     @property
     def strength(self) -> NDArray[np.float64]:
@@ -159,6 +165,7 @@ class _Collector:
             if name not in self.values:
                 self.values[name] = np.full((self.n, *values.shape[1:]), np.nan)
             self.values[name][kept] = values
+        self.borders = self.borders or result.borders  # only the first run sees all points
         self.radii |= result.radii
         for name, count in result.counts.items():
             self.counts[name] = self.counts.get(name, 0) + count

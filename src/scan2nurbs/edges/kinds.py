@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from scan2nurbs.edges.border import find_borders
 from scan2nurbs.edges.breaks import fit_radius
 from scan2nurbs.edges.detect import Edges
 from scan2nurbs.edges.orient import Creases, Orientation, orient_normals
-from scan2nurbs.kernels.cells import Cells
+from scan2nurbs.kernels.cells import Cells, unsorted
 from scan2nurbs.kernels.creases import fit_wedges
 from scan2nurbs.kernels.nearest import nearest_neighbours
 from scan2nurbs.kernels.runner import Progress
@@ -82,22 +81,20 @@ def edge_kinds(scale: Scale, edges: Edges, progress: Progress | None = None) -> 
     """
     cells = scale.cells
     order = cells.order
-    on_edge, normal = edges.mask[order], edges.normal[order]
-    neighbours, _ = nearest_neighbours(cells, min(NEIGHBOURS, len(order) - 1), progress=progress)
-    borders = find_borders(cells, normal, np.full(len(order), scale.h), scale.h, scale.noise)
+    on_edge = edges.mask[order]
+    assert edges.borders is not None  # the operators whose edges have kinds look for them
+    borders = edges.borders.sorted(cells)
     rows = np.flatnonzero(on_edge & ~borders.outline)
     asked = rows[::EVERY]
     creases, usable = _creases(scale, asked)
-    doubtful = on_edge | _thick(cells, normal, neighbours, scale) | _beside(cells, borders.mask, scale)
-    found = orient_normals(cells, normal, neighbours, doubtful, creases, scale.noise)
+    found = _oriented(scale, edges.normal[order], on_edge | _beside(cells, borders.mask, scale), creases, progress)
     kinds = _of_creases(scale, rows, asked, creases, found, usable & np.isfinite(found.sides.turn))
     ends = borders.mask & ~(on_edge & (kinds.confidence > 0.0))
     kinds.kind[ends] = BORDER
     kinds.angle[ends], kinds.angle_error[ends] = 180.0, 0.0
     kinds.confidence[ends] = borders.openness[ends]
-    back = np.empty(len(order), np.int64)
-    back[order] = np.arange(len(order))
-    return EdgeKinds(kinds.kind[back], kinds.angle[back], kinds.angle_error[back], kinds.confidence[back], borders.outline[back])
+    values = (kinds.kind, kinds.angle, kinds.angle_error, kinds.confidence, borders.outline)
+    return EdgeKinds(*(unsorted(cells, value) for value in values))
 
 
 def with_kinds(scale: Scale, edges: Edges, progress: Progress | None = None) -> Edges:
@@ -115,7 +112,17 @@ def with_kinds(scale: Scale, edges: Edges, progress: Progress | None = None) -> 
         angle=kinds.angle,
         angle_error=kinds.angle_error,
         confidence=kinds.confidence,
+        borders=None,
     )
+
+
+def _oriented(
+    scale: Scale, normal: NDArray[np.float64], doubtful: NDArray[np.bool_], creases: Creases, progress: Progress | None
+) -> Orientation:
+    """Orient the normals by those that are of one face for sure."""
+    cells = scale.cells
+    neighbours, _ = nearest_neighbours(cells, min(NEIGHBOURS, len(normal) - 1), progress=progress)
+    return orient_normals(cells, normal, neighbours, doubtful | _thick(cells, normal, neighbours, scale), creases, scale.noise)
 
 
 def _thick(cells: Cells, normal: NDArray[np.float64], neighbours: NDArray[np.int32], scale: Scale) -> NDArray[np.bool_]:

@@ -9,10 +9,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from scan2nurbs.edges.border import Borders
 from scan2nurbs.edges.normals import UNDEFINED, Normals, angles_between, normals_at
 from scan2nurbs.edges.params import EdgeParams
 from scan2nurbs.kernels.cells import Cells, unsorted
-from scan2nurbs.kernels.one_sided import normal_differences, one_sided_planes
+from scan2nurbs.kernels.differences import normal_differences
+from scan2nurbs.kernels.one_sided import one_sided_planes
 from scan2nurbs.kernels.runner import Progress
 from scan2nurbs.kernels.symmetric3 import weighted_angles
 
@@ -48,6 +50,8 @@ class Strength:
         Radii used, in the cloud's unit, by name.
     counts : dict
         How many neighbourhoods were degenerate, by kind.
+    borders : Borders, or None
+        Where the scan ends, if the operator looked.
     """
 
     strength: NDArray[np.float64]
@@ -57,11 +61,13 @@ class Strength:
     vdn_large: NDArray[np.float64] | None = None
     radii: dict[str, float] = field(default_factory=dict)
     counts: dict[str, int] = field(default_factory=dict)
+    borders: Borders | None = None
 
 
 def in_input_order(found: Strength, cells: Cells) -> Strength:
     """Put what was measured of the sorted points into the order of the points that the cells were built from."""
-    return replace(found, strength=unsorted(cells, found.strength), normal=unsorted(cells, found.normal))
+    borders = None if found.borders is None else found.borders.unsorted(cells)
+    return replace(found, strength=unsorted(cells, found.strength), normal=unsorted(cells, found.normal), borders=borders)
 
 
 def run_operator(name: str, cells: Cells, lengths: Lengths, params: EdgeParams, progress: Progress | None = None) -> Strength:
@@ -120,7 +126,9 @@ def one_sided(cells: Cells, lengths: Lengths, params: EdgeParams, progress: Prog
     The radius follows the noise: a plane through the n = πr²/h² points of a ball is tilted by about 2σ/(r√n) = 2σh/(√π r²),
     and r makes that 1.5 degrees, but never below 3 h (28 points) nor above 8 h.
     """
-    return compare_planes(cells, one_sided_planes_of(cells, lengths, params, progress), lengths, progress)
+    planes = one_sided_planes_of(cells, lengths, params, progress)
+    strength = normal_differences(cells, planes.normal, NEIGHBOURS * lengths.h, QUANTILE, progress=progress)
+    return Strength(strength=strength, normal=planes.normal, radii={"one_sided": planes.radius}, counts=planes.counts)
 
 
 class SidedPlanes(NamedTuple):
@@ -129,6 +137,18 @@ class SidedPlanes(NamedTuple):
     radius: float
     normals: Normals
     chosen: NDArray[np.int32]
+
+    @property
+    def normal(self) -> NDArray[np.float64]:
+        """The one-sided normals (N, 3); NaN where no ball within reach has a plane."""
+        normal = self.normals.normal.take(self.chosen, axis=0, mode="clip")
+        normal[self.chosen < 0] = np.nan
+        return normal
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """How many of the balls were degenerate, by kind."""
+        return _counts("one_sided", self.normals)
 
 
 def one_sided_planes_of(cells: Cells, lengths: Lengths, params: EdgeParams, progress: Progress | None = None) -> SidedPlanes:
@@ -141,13 +161,6 @@ def one_sided_planes_of(cells: Cells, lengths: Lengths, params: EdgeParams, prog
         radius = lengths.h * min(max(wanted, RADIUS_RANGE[0]), RADIUS_RANGE[1])
     normals = normals_at(cells, radius, progress=progress)
     return SidedPlanes(radius, normals, one_sided_planes(cells, normals.balls, radius, lengths.noise, progress=progress))
-
-
-def compare_planes(cells: Cells, planes: SidedPlanes, lengths: Lengths, progress: Progress | None = None) -> Strength:
-    """Measure by how many degrees the one-sided planes about each sorted point differ."""
-    normal = np.where((planes.chosen >= 0)[:, None], planes.normals.normal[planes.chosen], np.nan)
-    strength = normal_differences(cells, normal, NEIGHBOURS * lengths.h, QUANTILE, progress=progress)
-    return Strength(strength=strength, normal=normal, radii={"one_sided": planes.radius}, counts=_counts("one_sided", planes.normals))
 
 
 def _counts(name: str, normals: Normals) -> dict[str, int]:

@@ -12,6 +12,7 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components, mini
 
 from scan2nurbs.kernels.cells import Cells
 from scan2nurbs.kernels.flood import flood_signs
+from scan2nurbs.kernels.outermost import outward_signs
 from scan2nurbs.kernels.wedge_sides import WedgeSides, wedge_sides
 
 # Neighbours whose normals turn by less are of one face for sure; by less than LOOSE, they have a say.
@@ -83,21 +84,21 @@ def orient_normals(
     votes by that. Last, every group is turned so that normals point outwards where it reaches farthest.
     """
     known = np.isfinite(normals[:, 0])
-    component, sign = flood_signs(neighbours, np.nan_to_num(normals), known & ~doubtful, float(SAFE))
+    component, sign = flood_signs(neighbours, normals, known & ~doubtful, float(SAFE))
     signed = normals * np.where(sign == 0, np.nan, sign)[:, None]
     sides = wedge_sides(cells, signed, component, creases.foot, creases.direction, creases.turn, creases.radius, noise)
     n = int(component.max(initial=-1)) + 1
     votes = _votes(component, signed, neighbours, sides, n)
     flip, group_of = _join(votes, n)
-    oriented = signed * np.where(component >= 0, flip[component], np.nan)[:, None]
+    signed *= np.where(component >= 0, flip[component], np.nan)[:, None]
     group = np.where(component >= 0, group_of[component], -1).astype(np.int32)
-    outwards = _outwards(cells.points, oriented, group)
+    outwards = outward_signs(cells.points, signed, group, _DIRECTIONS)
     factor = np.where(sides.component >= 0, (flip * outwards[group_of])[sides.component], np.nan)
-    oriented *= np.where(group >= 0, outwards[group], np.nan)[:, None]
+    signed *= np.where(group >= 0, outwards[group], np.nan)[:, None]
     towards = sides.towards * factor
     with np.errstate(invalid="ignore"):
         agreement = np.nan_to_num(np.abs(towards.sum(axis=1)) / 2.0)
-    return Orientation(oriented, group, sides._replace(towards=towards), agreement)
+    return Orientation(signed, group, sides._replace(towards=towards), agreement)
 
 
 def _votes(
@@ -145,20 +146,3 @@ def _join(votes: csr_array, n: int) -> tuple[NDArray[np.float64], NDArray[np.int
     for node in below:
         sign[node] = sign[before[node]] * alike[node]
     return sign[:n], group.astype(np.int32)
-
-
-def _outwards(points: NDArray[np.float64], normals: NDArray[np.float64], group: NDArray[np.int32]) -> NDArray[np.float64]:
-    """Return −1 for each group whose normals point inwards where it reaches farthest, over many directions."""
-    total = np.zeros(int(group.max(initial=0)) + 1)
-    member = np.argsort(group, kind="stable")
-    member = member[group[member] >= 0]
-    if len(member) == 0:
-        return np.ones(len(total))
-    owner, places, arrows = group[member], points[member], normals[member]
-    starts = np.flatnonzero(np.diff(owner, prepend=-1))
-    sizes = np.diff(np.append(starts, len(owner)))
-    for direction in _DIRECTIONS:
-        along = places @ direction
-        extreme = np.flatnonzero(along == np.repeat(np.maximum.reduceat(along, starts), sizes))
-        total += np.bincount(owner[extreme], arrows[extreme] @ direction, len(total))
-    return np.where(total < 0.0, -1.0, 1.0)

@@ -6,7 +6,7 @@ that share (z, y) listed beside them. All points within a box are then a few con
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -131,9 +131,9 @@ def _take(values, order, start, stop, out):
             out[i, k] = values[order[i], k]
 
 
-def unsorted(cells: Cells, values: NDArray[np.float64]) -> NDArray[np.float64]:
+def unsorted(cells: Cells, values: NDArray[Any]) -> NDArray[Any]:
     """Put values (N,) or (N, K) of the sorted points into the order of the points that the cells were built from."""
-    out = np.empty(values.shape)
+    out = np.empty_like(values)
     rows, target = values.reshape(len(values), -1), out.reshape(len(out), -1)
     run_ranges(lambda start, stop: _spread(rows, cells.order, start, stop, target), len(rows), size=_RANGE)
     return out

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from scan2nurbs.kernels.candidates import COLUMNS, bounds, gather
 from scan2nurbs.kernels.cells import Cells
+from scan2nurbs.kernels.moments import ball_planes
 from scan2nurbs.kernels.runner import Progress, kernel, run_ranges
 
 CELLS_PER_RANGE = 128
@@ -19,7 +20,7 @@ LEAST = 5.0
 
 
 def openness(
-    cells: Cells, normals: NDArray[np.float64], radius: NDArray[np.float64], thickness: float, *, progress: Progress | None = None
+    cells: Cells, normals: NDArray[np.float64], radius: float, thickness: float, *, progress: Progress | None = None
 ) -> NDArray[np.float64]:
     """Measure by how much the emptiest quarter about each point is emptier than the fullest.
 
@@ -29,8 +30,8 @@ def openness(
         The sorted points.
     normals : (N, 3) float64
         Unit normals as lines, in sorted order; NaN where unknown.
-    radius : (N,) float64
-        Of the ball about each point.
+    radius : float
+        Of the ball about each point, in the points' unit.
     thickness : float
         Points farther than this from a point's tangent plane are on another face.
     progress : callable, optional
@@ -38,7 +39,7 @@ def openness(
 
     Returns
     -------
-    (N,) float64
+    (N,) float32
         1 − (points in the emptiest quarter) / (points in the fullest), in [0, 1]: near 1 at a border. 0 where there are too few to say.
 
     Notes
@@ -46,9 +47,10 @@ def openness(
     At a crease the other face leaves the tangent plane, and its points would not be seen in the direction in which it goes on. So
     points off the plane are unfolded into it: their distance from the plane is added to how far they are in the empty direction.
     """
-    out = np.zeros(len(cells.points))
+    out = np.zeros(len(cells.points), np.float32)
+    means = ball_planes(cells, radius, progress=progress).mean
     run_ranges(
-        lambda start, stop: _openness(cells, normals, radius, float(thickness), start, stop, out),
+        lambda start, stop: _openness(cells, normals, means, float(radius), float(thickness), start, stop, out),
         len(cells.cell_key),
         size=CELLS_PER_RANGE,
         progress=progress,
@@ -57,44 +59,36 @@ def openness(
 
 
 @kernel
-def _openness(cells, normals, radius, thickness, start, stop, out):
+def _openness(cells, normals, means, radius, thickness, start, stop, out):
     points = cells.points
     low, high, centre = np.empty(3), np.empty(3), np.empty(3)
     runs = np.empty((64, 2), np.int64)
     table = np.empty((3, COLUMNS))
     local = np.empty((COLUMNS, 3))
     count = np.empty(SECTORS)
+    scale = 1.0 / radius
     for cell in range(start, stop):
         first, end = cells.cell_start[cell], cells.cell_start[cell + 1]
-        reach = np.max(radius[first:end])
-        scale = 1.0 / reach
-        bounds(points, first, end, low, high)
-        runs, table, n = gather(cells, low, high, reach, scale, centre, runs, table)
-        if n > len(local):
-            local = np.empty((2 * n, 3))
+        n = 0
         for i in range(first, end):
-            if np.isnan(normals[i, 0]):
+            if _aside(means[i], normals[i]) <= ASIDE * radius:
                 continue
+            if n == 0:
+                bounds(points, first, end, low, high)
+                runs, table, n = gather(cells, low, high, radius, scale, centre, runs, table)
+                if n > len(local):
+                    local = np.empty((2 * n, 3))
             px, py, pz = (points[i, 0] - centre[0]) * scale, (points[i, 1] - centre[1]) * scale, (points[i, 2] - centre[2]) * scale
-            r = radius[i] * scale
-            if _aside(table[0], table[1], table[2], n, px, py, pz, r * r, normals[i]) > ASIDE * r:
-                m = _local(table, n, px, py, pz, r * r, normals[i], local)
-                out[i] = _emptiness(local, m, thickness * scale, count)
+            m = _local(table, n, px, py, pz, 1.0, normals[i], local)
+            out[i] = _emptiness(local, m, thickness * scale, count)
 
 
 @kernel
-def _aside(x, y, z, n, px, py, pz, square, normal):
-    """Return how far the mean of a ball lies aside of its point, along the tangent plane."""
-    sx, sy, sz, m = 0.0, 0.0, 0.0, 0.0
-    for j in range(n):
-        dx, dy, dz = x[j] - px, y[j] - py, z[j] - pz
-        inside = 1.0 if dx * dx + dy * dy + dz * dz < square else 0.0
-        sx += inside * dx
-        sy += inside * dy
-        sz += inside * dz
-        m += inside
-    off = sx * normal[0] + sy * normal[1] + sz * normal[2]
-    return np.sqrt(max(sx * sx + sy * sy + sz * sz - off * off, 0.0)) / max(m, 1.0)
+def _aside(mean, normal):
+    """Return how far the mean of a ball lies aside of its point, along the tangent plane; 0 where its normal is unknown."""
+    off = mean[0] * normal[0] + mean[1] * normal[1] + mean[2] * normal[2]
+    square = mean[0] * mean[0] + mean[1] * mean[1] + mean[2] * mean[2] - off * off
+    return np.sqrt(square) if square > 0.0 else 0.0
 
 
 @kernel
