@@ -109,7 +109,7 @@ def is_valid(shape: Any, *, geometry: bool = True) -> bool:
         return bool(BRepCheck_Analyzer(shape, geometry, True).IsValid())
 
 
-def is_valid_meshed(shape: Any, every: bool = True) -> bool:
+def is_valid_meshed(shape: Any, every: bool = True, *, extent: float | None = None) -> bool:
     """Return whether a valid shape can be triangulated, and the kernel's analysis finds nothing wrong with it then.
 
     Parameters
@@ -118,17 +118,24 @@ def is_valid_meshed(shape: Any, every: bool = True) -> bool:
         Valid by `is_valid`: triangles do not change its geometry, of which the analysis may take seconds.
     every : bool
         Whether both coarse and fine triangles must be possible, or one of the two is enough.
+    extent : float, optional
+        By what the triangles are measured; by default the shape's own.
     """
+    extent = extent_of(shape) if extent is None else extent
+    if extent == 0.0:
+        return True
+    coarse, *finer = (lambda m=m: _meshes(shape, m[0] * extent, m[1] * extent, m[2]) for m in _MESHES)
+    return coarse() and all(mesh() for mesh in finer) if every else coarse() or all(mesh() for mesh in finer)
+
+
+def extent_of(shape: Any) -> float:
+    """Return the diagonal of a shape's bounding box; 0 for an empty one."""
     from OCP.Bnd import Bnd_Box
     from OCP.BRepBndLib import BRepBndLib
 
     box = Bnd_Box()
     BRepBndLib.Add_s(shape, box, False)
-    if box.IsVoid():
-        return True
-    extent = box.SquareExtent() ** 0.5
-    coarse, *finer = (lambda m=m: _meshes(shape, m[0] * extent, m[1] * extent, m[2]) for m in _MESHES)
-    return coarse() and all(mesh() for mesh in finer) if every else coarse() or all(mesh() for mesh in finer)
+    return 0.0 if box.IsVoid() else float(box.SquareExtent() ** 0.5)
 
 
 def _meshes(shape: Any, deflection: float, least: float, angle: float) -> bool:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from scan2nurbs.brep.alone import trim_alone
-from scan2nurbs.brep.check import check, is_valid, is_valid_meshed
-from scan2nurbs.brep.endure import endures
+from scan2nurbs.brep.check import check, extent_of, is_valid, is_valid_meshed
+from scan2nurbs.brep.endure import endures, spoilt
 from scan2nurbs.brep.occ import KernelError
 from scan2nurbs.brep.sewn import sew
 from scan2nurbs.brep.solids import Assembled, apart, area, assemble, compound
@@ -20,6 +20,8 @@ Pieces = tuple[Any, ...]
 
 _SHOWN = 4
 """Most faces that leave their neighbours for how the part is shown."""
+_READ = 4
+"""How often faces leave their neighbours for how the part is read from a file."""
 
 
 @dataclass(frozen=True)
@@ -79,6 +81,9 @@ def join_faces(
             return sewn, how, joined
     if _good(whole):
         return faces, how, whole
+    faces, how, whole = _released(faces, how, around, notes)
+    if _good(whole):
+        return faces, how, whole
     faces, how = _mended(faces, how, around, notes)
     whole = _together(faces)
     if _good(whole):
@@ -88,7 +93,7 @@ def join_faces(
         notes.append("The CAD kernel finds the shells of these faces invalid: the faces are not joined to shells.")
         return faces, how, loose
     notes.append("The CAD kernel finds faces invalid that share edges: every face has edges of its own.")
-    return _parted(faces)
+    return _parted(faces, how, around, notes)
 
 
 def _together(faces: Sequence[Pieces]) -> Assembled:
@@ -103,19 +108,56 @@ def _shown(faces: list[Pieces], how: list[str], around: Surroundings, notes: lis
     faces, how, whole = list(faces), list(how), _together(faces)
     for _ in range(_SHOWN):
         try:
-            lost = [f for f in unseen(faces, whole.shape) if how[f] not in ("alone", "lost")] if is_valid(whole.shape) else []
+            bent = [f for f, kind in enumerate(how) if kind == "bent"]
+            lost = _joined(unseen(faces, whole.shape, bent), how) if is_valid(whole.shape) else []
         except KernelError:  # what the kernel cannot triangulate at all is found, and told, below
             break
         if not lost:
             break
         # Of two neighbours with a bad edge between them the narrower one is at fault.
         worst = min(lost, key=lambda f: (sum(map(area, faces[f])), f))
-        faces[worst] = trim_alone(worst, around.shapes[worst], around.topology, around.h, around.scale)
-        how[worst] = "alone" if faces[worst] else "lost"
-        done = "it has its own outline." if faces[worst] else "it is left out."
-        notes.append(f"Face {worst + 1} ({around.shapes[worst].kind}) would be lost where the part is shown: {done}")
+        faces[worst], how[worst] = _alone(worst, around)
+        notes.append(_left(worst, around, how, "would be lost where the part is shown"))
         whole = _together(faces)
     return faces, how, whole
+
+
+def _released(faces: list[Pieces], how: list[str], around: Surroundings, notes: list[str]) -> tuple[list[Pieces], list[str], Assembled]:
+    """Give outlines of their own to faces that are invalid beside the others, or once the part is read from a file."""
+    faces, how, whole = list(faces), list(how), _together(faces)
+    for _ in range(_READ):
+        extent = extent_of(whole.shape)
+        unsound = {f for f, pieces in enumerate(faces) if not all(_is_sound(piece, extent) for piece in pieces)}
+        lost = sorted(unsound or _joined(spoilt(faces, whole.shape), how))
+        if not lost:
+            break
+        for f in lost:
+            faces[f], how[f] = _alone(f, around) if how[f] != "alone" else ((), "lost")
+            notes.append(
+                _left(f, around, how, "is invalid beside the others" if unsound else "is invalid once the part is read from a file")
+            )
+        whole = _together(faces)
+    return faces, how, whole
+
+
+def _is_sound(piece: Any, extent: float) -> bool:
+    """Tell whether a piece is valid, with triangles of its own size and of the whole part's."""
+    return is_valid(piece) and is_valid_meshed(piece, every=False) and is_valid_meshed(piece, every=False, extent=extent)
+
+
+def _joined(lost: Sequence[int], how: Sequence[str]) -> list[int]:
+    """Return those of the faces that have not left their neighbours."""
+    return [f for f in lost if how[f] not in ("alone", "lost")]
+
+
+def _alone(f: int, around: Surroundings) -> tuple[Pieces, str]:
+    pieces = trim_alone(f, around.shapes[f], around.topology, around.h, around.scale)
+    return pieces, "alone" if pieces else "lost"
+
+
+def _left(f: int, around: Surroundings, how: Sequence[str], why: str) -> str:
+    done = "it has its own outline." if how[f] == "alone" else "it is left out."
+    return f"Face {f + 1} ({around.shapes[f].kind}) {why}: {done}"
 
 
 def _good(whole: Assembled) -> bool:
@@ -128,22 +170,23 @@ def _mended(faces: list[Pieces], how: list[str], around: Surroundings, notes: li
     for f, pieces in enumerate(faces):
         if all(endures(apart(piece)) for piece in pieces):
             continue
-        alone = trim_alone(f, around.shapes[f], around.topology, around.h, around.scale) if how[f] != "alone" else ()
+        alone = _alone(f, around)[0] if how[f] != "alone" else ()
         faces[f] = tuple(piece for piece in alone if endures(piece))
         how[f] = "alone" if faces[f] else "lost"
-        done = "it has its own outline." if faces[f] else "it is left out."
-        notes.append(f"Face {f + 1} ({around.shapes[f].kind}) is invalid once it is read from a file: {done}")
+        notes.append(_left(f, around, how, "is invalid once it is read from a file"))
     return faces, how
 
 
-def _parted(faces: Sequence[Pieces]) -> tuple[list[Pieces], list[str], Assembled]:
+def _parted(
+    faces: Sequence[Pieces], how: Sequence[str], around: Surroundings, notes: list[str]
+) -> tuple[list[Pieces], list[str], Assembled]:
     """Give every face edges of its own, and leave out what is not even valid then."""
-    kept = [
-        tuple(piece for piece in map(apart, pieces) if is_valid(piece) and is_valid_meshed(piece, every=False) and endures(piece))
-        for pieces in faces
-    ]
-    every = [piece for pieces in kept for piece in pieces]
-    if not every:
+    extent = extent_of(compound([piece for pieces in faces for piece in pieces]))
+
+    kept = [tuple(piece for piece in map(apart, pieces) if _is_sound(piece, extent) and endures(piece)) for pieces in faces]
+    if not any(kept):
         raise NoResultError("No face of the part could be made.")
-    how = ["alone" if pieces else "lost" for pieces in kept]
-    return kept, how, Assembled(compound(every), 0, assemble(every).n_free_edges)
+    left = ["alone" if pieces else "lost" for pieces in kept]
+    notes += [_left(f, around, left, "is invalid") for f in _joined(range(len(kept)), how) if not kept[f]]
+    every = [piece for pieces in kept for piece in pieces]
+    return kept, left, Assembled(compound(every), 0, assemble(every).n_free_edges)

@@ -5,19 +5,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from scan2nurbs.brep.check import is_valid
 from scan2nurbs.brep.occ import CONFUSION, kernel_errors
+from scan2nurbs.brep.solids import compound
 
 _VIEWS = ((0.002, 0.1), (0.01, 0.5))
 """Deflection, as a share of the root of the part's area, and angle: what viewers and mesh exporters commonly take."""
 _LEAST = 5e-4
-"""Least size of triangles, as such a share: a wrinkle, however small, would be meshed until its angles are small."""
+"""Least size of triangles, as such a share."""
+
+Pieces = tuple[Any, ...]
 
 
-def unseen(faces: Sequence[tuple[Any, ...]], shape: Any) -> list[int]:
+def unseen(faces: Sequence[Pieces], shape: Any, bent: Collection[int] = ()) -> list[int]:
     """Return the faces that get no triangles, or only such as the kernel finds invalid, in one of the usual ways to show a part.
 
     Parameters
@@ -26,6 +29,9 @@ def unseen(faces: Sequence[tuple[Any, ...]], shape: Any) -> list[int]:
         The pieces of each face.
     shape : TopoDS_Shape
         The valid part that holds them, in kernel units. It stays without triangles.
+    bent : collection of int
+        Faces whose surfaces may have wrinkles. However small, these would be meshed until their angles are small, for minutes: so all
+        triangles have a least size, but those of the other faces are tried once more by that which the kernel takes by default.
 
     Raises
     ------
@@ -36,29 +42,37 @@ def unseen(faces: Sequence[tuple[Any, ...]], shape: Any) -> list[int]:
     -----
     A face that can be triangulated by itself may not be where it shares edges: each is divided so that it is fine enough for both faces.
     """
-    from OCP.BRepBuilderAPI import BRepBuilderAPI_Copy
     from OCP.BRepGProp import BRepGProp
-    from OCP.BRepMesh import BRepMesh_IncrementalMesh
     from OCP.GProp import GProp_GProps
-    from OCP.IMeshTools import IMeshTools_Parameters
 
-    lost: set[int] = set()
+    every = dict(enumerate(faces))
     with kernel_errors("triangulate the part"):
         props = GProp_GProps()
         BRepGProp.SurfaceProperties_s(shape, props, 1e-3)
         size = max(abs(props.Mass()), CONFUSION**2) ** 0.5
-        for share, angle in _VIEWS:
-            copied, how = BRepBuilderAPI_Copy(shape), IMeshTools_Parameters()
-            how.Deflection, how.Angle, how.InParallel = max(share * size, CONFUSION), angle, False
-            how.MinSize = max(_LEAST * size, CONFUSION)
-            BRepMesh_IncrementalMesh(copied.Shape(), how)
-            if is_valid(copied.Shape(), geometry=False) and not any(_bare(copied, pieces) for pieces in faces):
-                continue
-            lost |= {f for f, pieces in enumerate(faces) if _bare(copied, pieces) or not _sound(copied, pieces)}
-    return sorted(lost)
+        lost = {f for deflection, angle in _VIEWS for f in _lost(every, shape, deflection * size, angle, _LEAST * size)}
+        plain = {f: pieces for f, pieces in every.items() if f not in bent and f not in lost}
+        together = compound([piece for pieces in plain.values() for piece in pieces])
+        return sorted(lost.union(_lost(plain, together, _VIEWS[0][0] * size, _VIEWS[0][1], None)))
 
 
-def _bare(copied: Any, pieces: tuple[Any, ...]) -> bool:
+def _lost(faces: Mapping[int, Pieces], shape: Any, deflection: float, angle: float, least: float | None) -> list[int]:
+    """Return the faces that one triangulation of a shape loses or spoils."""
+    from OCP.BRepBuilderAPI import BRepBuilderAPI_Copy
+    from OCP.BRepMesh import BRepMesh_IncrementalMesh
+    from OCP.IMeshTools import IMeshTools_Parameters
+
+    copied, how = BRepBuilderAPI_Copy(shape), IMeshTools_Parameters()
+    how.Deflection, how.Angle, how.InParallel = max(deflection, CONFUSION), angle, False
+    if least is not None:
+        how.MinSize = max(least, CONFUSION)
+    BRepMesh_IncrementalMesh(copied.Shape(), how)
+    if is_valid(copied.Shape(), geometry=False) and not any(_bare(copied, pieces) for pieces in faces.values()):
+        return []
+    return [f for f, pieces in faces.items() if _bare(copied, pieces) or not _sound(copied, pieces)]
+
+
+def _bare(copied: Any, pieces: Pieces) -> bool:
     from OCP.BRep import BRep_Tool
     from OCP.TopLoc import TopLoc_Location
     from OCP.TopoDS import TopoDS
@@ -67,5 +81,5 @@ def _bare(copied: Any, pieces: tuple[Any, ...]) -> bool:
     return any(BRep_Tool.Triangulation_s(copy, TopLoc_Location()) is None for copy in copies)
 
 
-def _sound(copied: Any, pieces: tuple[Any, ...]) -> bool:
+def _sound(copied: Any, pieces: Pieces) -> bool:
     return all(is_valid(copied.ModifiedShape(piece), geometry=False) for piece in pieces)
