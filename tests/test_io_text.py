@@ -136,11 +136,11 @@ FLOATS = st.floats(-1e9, 1e9).map(lambda value: [repr(value), f"{value:.3f}", f"
     rows=st.integers(3, 5).flatmap(lambda n: st.lists(st.lists(FLOATS, min_size=n, max_size=n), min_size=1, max_size=8)),
     separator=st.sampled_from([" ", "\t", ",", ";", "  ", " \t"]),
     columns=st.permutations([0, 1, 2]),
-    around=st.sampled_from(["", " ", "\r"]),
+    around=st.sampled_from(["", " ", "\r", "trailing"]),
 )
 def test_the_quick_readers_take_rows_of_numbers(long, rows, separator, columns, around):
     known = separator.strip(" \t").encode() or None
-    around = around if known is None else around.strip(" ")
+    around = around.replace("trailing", separator) if known is None else around.replace("trailing", f"{separator}\r").strip(" ")
     block = "".join(around.strip("\r") + separator.join(row) + around + "\n" for row in rows).encode()
     layout = Layout(columns=tuple(columns), width=len(rows[0]), separator=known)
     quick = read_quickly(block, layout, long=long)
@@ -185,6 +185,28 @@ def test_the_quick_readers_decline_what_they_would_read_otherwise(long, lines, s
         expected = careful(block, layout)
         assert expected is not None
         assert same(quick, expected)
+
+
+@pytest.mark.parametrize("long", [False, True])
+@pytest.mark.parametrize(("last", "read"), [("4;5;6;", True), ("4;5;6", True), ("4;5;6;;", False), ("4;5;", False), ("4;5;;", False)])
+@pytest.mark.parametrize("end", ["", "\n", "\r\n"])
+def test_separators_at_the_ends_of_lines(long, last, read, end):
+    block = f"1;2;3;{end or chr(10)}{last}{end}".encode()
+    layout = Layout(width=3, separator=b";")
+    quick, expected = read_quickly(block, layout, long=long), careful(block, layout)
+    assert (quick is not None) == read
+    if quick is not None:
+        assert expected is not None
+        assert same(quick, expected)
+
+
+@pytest.mark.parametrize("long", [False, True])
+@pytest.mark.parametrize(("row", "columns"), [("  \t4\t5\t6", (1, 2, 3)), ("4\t5\t6\t ", (0, 1, 2)), ("\t4\t5\t6", (1, 2, 3))])
+def test_blanks_about_a_row_are_no_column(long, row, columns):
+    block = f"1\t2\t3\t4\n{row}\n5\t6\t7\t8\n".encode()
+    layout = Layout(columns=columns, width=4, separator=b"\t")
+    assert careful(block, layout) is None
+    assert read_quickly(block, layout, long=long) is None
 
 
 @pytest.mark.parametrize("word", WORDS)

@@ -39,7 +39,19 @@ def read_quickly(block: bytes, layout: Layout, *, long: bool) -> NDArray[np.floa
     """
     if layout.decimal_comma:
         block = block.replace(b",", b".")
+    block = _without_trailing_separators(block, layout)
     return _by_polars(block, layout) if long else _by_numpy(block, layout)
+
+
+def _without_trailing_separators(block: bytes, layout: Layout) -> bytes:
+    """Leave out the separators behind the last column, where the first row has one; a row that lacks a column lacks it still."""
+    separator, width = layout.separator, layout.width
+    first = block[: block.find(b"\n") + 1].rstrip(b"\r\n")
+    if separator is None or not first.endswith(separator) or first.count(separator) != width:
+        return block
+    for end in (b"\n", b"\r\n"):
+        block = block.replace(separator + end, end)
+    return block.removesuffix(separator)
 
 
 def _by_polars(block: bytes, layout: Layout) -> NDArray[np.float64] | None:
@@ -49,7 +61,8 @@ def _by_polars(block: bytes, layout: Layout) -> NDArray[np.float64] | None:
     block = block.strip(b"\r\n") if layout.separator else _squeezed(block)
     end = block.find(b"\n")
     width = block.count(separator, 0, len(block) if end < 0 else end) + 1
-    if block.startswith(_TAKEN_FOR_A_FILE) or width <= max(layout.columns) or width != (layout.width or width):
+    # Behind the very last column polars passes over a separator, behind the others it does not.
+    if block.endswith(separator) or block.startswith(_TAKEN_FOR_A_FILE) or width <= max(layout.columns) or width != (layout.width or width):
         return None
     wanted = [f"{column}" for column in layout.columns]
     # Columns that are not wanted may hold words, and polars would not see a comment among them.
@@ -71,6 +84,11 @@ def _by_polars(block: bytes, layout: Layout) -> NDArray[np.float64] | None:
     lacking = {name for name in schema if frame[name].null_count()}
     if lacking & set(wanted) or (lacking and layout.width is not None and not _has_width(block, layout)):
         return None
+    if separator.isspace():
+        # Blanks at either end of a row are about it, with the tab beside them, and no column.
+        words = [frame[name] for name in {"0", f"{width - 1}"} - set(wanted)]
+        if any((column.str.strip_chars() == "").any() for column in words):
+            return None
     return frame.select(wanted).to_numpy(order="c")
 
 
