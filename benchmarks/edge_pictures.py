@@ -21,7 +21,7 @@ from scan2nurbs.edges.detect import detect
 from scan2nurbs.edges.kinds import BORDER, with_kinds
 from scan2nurbs.edges.network import edge_network
 from scan2nurbs.report.pictures import BLUE, GREY, ORANGE
-from scan2nurbs.report.view import View, choose_view, rasterise
+from scan2nurbs.report.view import Raster, View, choose_view, rasterise
 
 Floats = NDArray[np.float64]
 
@@ -74,7 +74,11 @@ def show(axes: Axes, title: str, points: Floats, marked: NDArray[np.bool_] | Non
     colour = np.tile(to_rgb(GREY), (len(points), 1)) if colours is None else colours
     if marked is not None:
         colour[marked] = to_rgb(ORANGE)
-    raster = rasterise(points, view, width=SIZE[0], height=SIZE[1])
+    lay(axes, title, rasterise(points, view, width=SIZE[0], height=SIZE[1]), colour, view)
+
+
+def lay(axes: Axes, title: str, raster: Raster, colour: Floats, view: View) -> None:
+    """Draw what is seen, each point or triangle in its colour."""
     image = np.ones((SIZE[1], SIZE[0], 3))
     hit = raster.index >= 0
     image[hit] = colour[raster.index[hit]] * (0.62 + 0.38 * raster.shade[hit])[:, None]

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from benchmarks.edge_pictures import SIZE, save, show, with_aspect
+from benchmarks.edge_pictures import SIZE, lay, save, show, with_aspect
 from benchmarks.truth import Truth
 from scan2nurbs.brep.part_mesh import mesh_part
 from scan2nurbs.part import Model
 from scan2nurbs.report.colours import face_colours
-from scan2nurbs.report.part_pictures import SAMPLES, spread
+from scan2nurbs.report.triangles import rasterise_triangles
 from scan2nurbs.report.view import choose_view
 
 MOST = 6
@@ -29,9 +29,9 @@ def draw_gallery(shown: dict[str, tuple[Truth, Model]], path: Path) -> None:
         show(row[0], f"{name}: scan", truth.points, None, view)
         show(row[1], f"{len(model.faces.fits)} faces ({len(truth.part.faces)} true)", points, None, view, colour[label])
         mesh = mesh_part(model.part)
-        places, owner = spread(mesh.corners, SAMPLES // 4)
+        triangles = rasterise_triangles(mesh.corners + model.cloud.origin, mesh.face, view, width=SIZE[0], height=SIZE[1])
         title = f"model: {'valid' if model.part.valid else 'invalid'}, {'closed' if model.part.closed else 'open'}"
-        show(row[2], title, places + model.cloud.origin, None, view, colour[mesh.face[owner]])
+        lay(row[2], title, triangles, colour[mesh.face], view)
         reach = 2.0 * model.scale.h
         shade = np.clip(np.nan_to_num(model.deviation) / reach, -1.0, 1.0)
         red_blue = np.column_stack([1.0 - np.maximum(-shade, 0), 1.0 - np.abs(shade), 1.0 - np.maximum(shade, 0)])

@@ -30,9 +30,17 @@ def _numpy(path: Path) -> object:
     return np.loadtxt(path)
 
 
+def _polars(path: Path) -> object:
+    import polars as pl
+
+    columns = dict.fromkeys("xyz", pl.Float64)
+    return pl.read_csv(path, has_header=False, separator=" ", schema=columns).to_numpy()
+
+
 READERS: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
     "scan2nurbs": (read_scan, ("binary PLY", "text")),
     "Open3D": (_open3d, ("binary PLY", "text")),
+    "polars.read_csv": (_polars, ("text",)),
     "numpy.loadtxt": (_numpy, ("text",)),
 }
 

@@ -19,7 +19,7 @@ from scan2nurbs.cli.main import COMMANDS, main
 from scan2nurbs.errors import InputError, NoResultError, OutputError, ParameterError
 from scan2nurbs.io import read_scan
 
-HEAVY = ("numpy", "scipy", "numba", "OCP", "matplotlib", "jinja2")
+HEAVY = ("numpy", "scipy", "numba", "OCP", "matplotlib", "polars", "jinja2")
 
 
 @pytest.fixture

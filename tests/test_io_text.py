@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import hashlib
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import io_samples as samples
-from scan2nurbs.io import read_scan
+from scan2nurbs.errors import InputError
+from scan2nurbs.io import read_scan, table
+from scan2nurbs.io.layout import Layout
+from scan2nurbs.io.quick import read_quickly
 from scan2nurbs.io.source import Source
 
 XYZ = samples.points()
@@ -108,20 +115,146 @@ def test_text_reads_every_number_to_the_last_bit(tmp_path_factory, rows):
     assert np.array_equal(read_scan(path).points, rows)
 
 
+def careful(block: bytes, layout: Layout) -> np.ndarray | None:
+    try:
+        return table._parse_lines(Source(Path("a"), block), block, 1, layout, None)
+    except InputError:
+        return None
+
+
+def same(a: np.ndarray, b: np.ndarray) -> bool:
+    """Tell whether arrays are equal to the last bit, whatever the bits of their NaN."""
+    undefined = np.isnan(a)
+    return a.shape == b.shape and np.array_equal(undefined, np.isnan(b)) and a[~undefined].tobytes() == b[~undefined].tobytes()
+
+
 FLOATS = st.floats(-1e9, 1e9).map(lambda value: [repr(value), f"{value:.3f}", f"{value:+.6e}", "nan"][hash(value) % 4])
 
 
+@pytest.mark.parametrize("long", [False, True])
 @given(
     rows=st.integers(3, 5).flatmap(lambda n: st.lists(st.lists(FLOATS, min_size=n, max_size=n), min_size=1, max_size=8)),
-    separator=st.sampled_from([" ", "\t", ",", ";"]),
+    separator=st.sampled_from([" ", "\t", ",", ";", "  ", " \t"]),
     columns=st.permutations([0, 1, 2]),
+    around=st.sampled_from(["", " ", "\r", "trailing"]),
 )
-def test_the_quick_reader_equals_the_careful_one(rows, separator, columns):
-    from scan2nurbs.io import table
-
-    block = "".join(separator.join(row) + "\n" for row in rows).encode()
-    layout = table.Layout(columns=tuple(columns), width=len(rows[0]), separator=separator.strip(" \t").encode() or None)
-    quick = table._parse_fast(block, layout)
-    careful = table._parse_lines(Source(Path("a"), block), block, 1, layout, None)
+def test_the_quick_readers_take_rows_of_numbers(long, rows, separator, columns, around):
+    known = separator.strip(" \t").encode() or None
+    around = around.replace("trailing", separator) if known is None else around.replace("trailing", f"{separator}\r").strip(" ")
+    block = "".join(around.strip("\r") + separator.join(row) + around + "\n" for row in rows).encode()
+    layout = Layout(columns=tuple(columns), width=len(rows[0]), separator=known)
+    quick = read_quickly(block, layout, long=long)
+    expected = careful(block, layout)
     assert quick is not None
-    assert np.array_equal(quick, careful, equal_nan=True)
+    assert expected is not None
+    assert same(quick, expected)
+
+
+WORDS = [
+    *["inf", "-Infinity", "NaN", "nan(1)", "null", "NA", "-1.#IND", "1e400", "-1e-400", "5.", ".5", "+3e2", "1d3", "-0", "4.9e-324"],
+    *["123456789012345678901234567890", "0.1000000000000000055511151231257827", "2.2250738585072011e-308", "9007199254740993"],
+    *["", "abc", "é", '"1"', "1_0", "0x1p3", "1e", "--1", ".", "1.2.3", "1,5", "1\x1f", "\xa01", "\x00", "\ufeff1", "x^", "(", "True"],
+    *["#", "#1", "1#", "//", "%", "!", ";", "1\r", "\v2", " 3", "4 "],
+]
+TOKENS = st.one_of(FLOATS, FLOATS, FLOATS, st.sampled_from(WORDS), st.text("0123456789+-.eE", max_size=6))
+LINES = st.one_of(
+    st.tuples(
+        st.sampled_from(["", "", " ", "\t"]), st.lists(TOKENS, min_size=2, max_size=6), st.sampled_from(["", "", " ", "\r", " # c", "#"])
+    ),
+    st.sampled_from([("", [], ""), (" ", [], ""), ("# ", ["1", "2", "3"], ""), ("; ", ["1", "2", "3"], "")]),
+)
+
+
+@pytest.mark.parametrize("long", [False, True])
+@settings(max_examples=400)
+@given(
+    lines=st.lists(LINES, min_size=1, max_size=4),
+    separator=st.sampled_from([None, None, b",", b";", b"\t"]),
+    columns=st.permutations([0, 1, 2, 3]),
+    width=st.sampled_from([None, 3, 4, 5]),
+    decimal_comma=st.booleans(),
+    gap=st.sampled_from(["", "", " "]),
+    end=st.sampled_from(["\n", "", "\r\n", "\n\n"]),
+)
+def test_the_quick_readers_decline_what_they_would_read_otherwise(long, lines, separator, columns, width, decimal_comma, gap, end):
+    between = gap + (separator or b" ").decode() + gap
+    block = ("\n".join(before + between.join(tokens) + behind for before, tokens, behind in lines) + end).encode()
+    layout = Layout(columns=tuple(columns[:3]), width=width, separator=separator, decimal_comma=decimal_comma and separator != b",")
+    quick = read_quickly(block, layout, long=long) if block.strip() else None
+    if quick is not None:
+        expected = careful(block, layout)
+        assert expected is not None
+        assert same(quick, expected)
+
+
+@pytest.mark.parametrize("long", [False, True])
+@pytest.mark.parametrize(("last", "read"), [("4;5;6;", True), ("4;5;6", True), ("4;5;6;;", False), ("4;5;", False), ("4;5;;", False)])
+@pytest.mark.parametrize("end", ["", "\n", "\r\n"])
+def test_separators_at_the_ends_of_lines(long, last, read, end):
+    block = f"1;2;3;{end or chr(10)}{last}{end}".encode()
+    layout = Layout(width=3, separator=b";")
+    quick, expected = read_quickly(block, layout, long=long), careful(block, layout)
+    assert (quick is not None) == read
+    if quick is not None:
+        assert expected is not None
+        assert same(quick, expected)
+
+
+@pytest.mark.parametrize("long", [False, True])
+@pytest.mark.parametrize(("row", "columns"), [("  \t4\t5\t6", (1, 2, 3)), ("4\t5\t6\t ", (0, 1, 2)), ("\t4\t5\t6", (1, 2, 3))])
+def test_blanks_about_a_row_are_no_column(long, row, columns):
+    block = f"1\t2\t3\t4\n{row}\n5\t6\t7\t8\n".encode()
+    layout = Layout(columns=columns, width=4, separator=b"\t")
+    assert careful(block, layout) is None
+    assert read_quickly(block, layout, long=long) is None
+
+
+@pytest.mark.parametrize("word", WORDS)
+def test_long_texts_read_every_word_as_short_ones_do(word, read, monkeypatch):
+    def outcome(content: bytes) -> object:
+        try:
+            return np.nan_to_num(read(content, ".csv").points, nan=-1.0).tobytes()
+        except InputError as error:
+            return error.message
+
+    content = f"x,y,z\n1,2,3\n4,{word},6\n7,8,9\n".encode() + b"1,2,3\n" * 40
+    short = outcome(content)
+    monkeypatch.setattr("scan2nurbs.io.table.BLOCK", 64)
+    assert outcome(content) == short
+
+
+def test_a_fault_in_a_long_text_names_its_line(read, monkeypatch):
+    monkeypatch.setattr("scan2nurbs.io.table.BLOCK", 64)
+    rows = [b"1.5 2.5 3.5"] * 40
+    rows[29] = b"1.5 2.5"
+    with pytest.raises(InputError) as error:
+        read(b"\n".join(rows), ".xyz")
+    assert (error.value.message, error.value.offset) == ("Line 30 has 2 columns instead of 3.", 30)
+
+
+def test_long_texts_are_the_same_with_any_number_of_threads(tmp_path):
+    path = tmp_path / "a.xyz"
+    path.write_bytes(samples.text(np.random.default_rng(3).normal(size=(200_000, 3))))
+    assert path.stat().st_size > 2 * table.BLOCK
+    code = (
+        "import sys, hashlib; from scan2nurbs.io import read_scan\n"
+        "print(hashlib.sha256(read_scan(sys.argv[1]).points.tobytes()).hexdigest(), 'polars' in sys.modules)"
+    )
+    told = {
+        subprocess.run(
+            [sys.executable, "-c", code, str(path)],
+            env=os.environ | {"POLARS_MAX_THREADS": threads},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for threads in ("1", "3")
+    }
+    assert told == {hashlib.sha256(np.loadtxt(path).tobytes()).hexdigest() + " True\n"}
+
+
+def test_short_texts_do_not_wait_for_the_reader_of_long_ones(tmp_path):
+    path = tmp_path / "a.xyz"
+    path.write_bytes(samples.text(XYZ))
+    code = "import sys; from scan2nurbs.io import read_scan; read_scan(sys.argv[1]); print('polars' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=True).stdout == "False\n"

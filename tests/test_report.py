@@ -18,7 +18,7 @@ import pytest
 from scan2nurbs.report import pictures
 from scan2nurbs.report.html import render_html, shown
 from scan2nurbs.report.record import Stopwatch, peak_memory_mb, plain, to_json, versions
-from scan2nurbs.report.view import choose_view, rasterise
+from scan2nurbs.report.view import View, choose_view, rasterise
 
 
 @dataclasses.dataclass(frozen=True)
@@ -120,6 +120,25 @@ class TestView:
         assert (seen >= len(points)).mean() > 0.95
         assert raster.shade.min() >= 0
         assert raster.shade.max() <= 1
+
+    @pytest.mark.parametrize("seed", range(3))
+    def test_nothing_shines_through_between_scattered_points(self, seed):
+        rng = np.random.default_rng(seed)
+        front = np.column_stack([rng.uniform(-1, 1, (4000, 2)), np.zeros(4000)])
+        back = front * [1, 1, 0] - [0, 0, 0.5]
+        view = View(np.eye(3), np.full(2, -1.2), np.full(2, 1.2))
+        raster = rasterise(np.vstack([front, back[:, [1, 0, 2]]]), view, width=480, height=480)
+        inside = raster.index[60:-60, 60:-60]
+        assert inside.min() >= 0
+        assert inside.max() < len(front)
+        assert raster.index[:30].max() == -1
+
+    def test_a_hole_wider_than_gaps_stays_open(self):
+        points = np.column_stack([np.random.default_rng(4).uniform(-1, 1, (20000, 2)), np.zeros(20000)])
+        points = points[np.hypot(*points[:, :2].T) > 0.2]
+        raster = rasterise(points, View(np.eye(3), np.full(2, -1.1), np.full(2, 1.1)), width=440, height=440)
+        middle = raster.index[190:250, 190:250]
+        assert (middle == -1).mean() > 0.75
 
     @pytest.mark.parametrize("points", [np.eye(3), np.outer([0, 1, 2.0], [1, 1, 1]), np.full((5, 3), 2.0)])
     def test_degenerate_clouds_are_drawn_too(self, points):

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from scan2nurbs.brep.part_mesh import mesh_part
-from scan2nurbs.report.part_pictures import faces_picture, model_picture
-from scan2nurbs.report.pictures import Picture, deviation_histogram, deviation_picture, strength_picture
+from scan2nurbs.report.part_pictures import faces_picture, model_deviation_picture, model_picture
+from scan2nurbs.report.pictures import Picture, deviation_histogram, strength_picture
 from scan2nurbs.report.view import choose_view
 
 if TYPE_CHECKING:
@@ -27,11 +25,10 @@ def part_pictures(model: Model) -> list[Picture]:
     feet = points.copy()
     for k, fit in enumerate(model.faces.fits):
         feet[label == k] = fit.shape.foot(points[label == k])
-    known = np.isfinite(model.deviation)
     return [
-        model_picture(mesh.corners, mesh.face, unit=unit, closed=model.part.closed, edges=edges, free=free, view=view),
+        model_picture(mesh.corners, mesh.face, unit=unit, edges=edges, free=free, view=view),
         faces_picture(points, label, unit=unit, curves=borders, view=view),
-        deviation_picture(feet[known], model.deviation[known], unit=unit, view=view),
+        model_deviation_picture(mesh.corners, mesh.face, feet, model.deviation, unit=unit, spacing=model.scale.h, view=view),
         deviation_histogram(model.deviation, unit=unit, noise=noise),
         strength_picture(points, model.edges.strength, unit=unit, threshold=model.edges.threshold, view=view),
     ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
@@ -108,6 +109,7 @@ def running(command: str, common: Common, source: Path) -> Iterator[Session]:
 
     if common.threads is not None:
         set_threads(common.threads)
+        os.environ.setdefault("POLARS_MAX_THREADS", str(common.threads))  # which polars reads when it is imported
     with ExitStack() as stack:
         stack.enter_context(messages(common))
         stack.enter_context(stdout_kept_clean(common.json))

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scan2nurbs.errors import InputError
+from scan2nurbs.io.layout import Layout
 from scan2nurbs.io.source import Source
-from scan2nurbs.io.table import Layout, blocks, read_rows, with_newlines
+from scan2nurbs.io.table import blocks, read_rows, with_newlines
 
 _NOTHING = b"?"
 """Stands for the numbers that a line lacks: no number, so that it is found to be at fault and not taken for blank."""

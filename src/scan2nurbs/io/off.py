@@ -6,9 +6,10 @@ import re
 
 import numpy as np
 
+from scan2nurbs.io.layout import Layout
 from scan2nurbs.io.scan import Scan
 from scan2nurbs.io.source import Source
-from scan2nurbs.io.table import Layout, read_rows, show, strip_comment, with_newlines
+from scan2nurbs.io.table import read_rows, show, strip_comment, with_newlines
 
 _KEYWORD = re.compile(rb"(ST)?(C)?(N)?(4)?(n)?OFF(?=[\s#]|$)")
 _HEADER_LINES = 1000

@@ -11,10 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from scan2nurbs.io.layout import Layout
 from scan2nurbs.io.lzf import LARGEST_RATIO, LzfError, unpack_lzf
 from scan2nurbs.io.scan import Scan
 from scan2nurbs.io.source import Source
-from scan2nurbs.io.table import Layout, read_rows, show, with_newlines
+from scan2nurbs.io.table import read_rows, show, with_newlines
 
 _HEADER_LIMIT = 1 << 16
 _KEYWORDS = {"VERSION", "FIELDS", "COLUMNS", "SIZE", "TYPE", "COUNT", "WIDTH", "HEIGHT", "VIEWPOINT", "POINTS", "DATA"}

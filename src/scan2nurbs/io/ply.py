@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scan2nurbs.io import ply_rows
+from scan2nurbs.io.layout import Layout
 from scan2nurbs.io.scan import Scan
 from scan2nurbs.io.source import Source
-from scan2nurbs.io.table import Layout, read_rows, show, skip_rows, with_newlines
+from scan2nurbs.io.table import read_rows, show, skip_rows, with_newlines
 from scan2nurbs.io.units import unit_in
 
 _HEADER_LIMIT = 1 << 20

@@ -50,6 +50,13 @@ class Source:
         path = self.path.with_suffix("") if self.packed and self.path.suffix.lower() in {".gz", ".gzip"} else self.path
         return path.suffix.lower()
 
+    def forget(self, stop: int) -> None:
+        """Let the system have back the memory under the first `stop` bytes of a mapped file; they can be read again all the same."""
+        advice = getattr(mmap, "MADV_DONTNEED", None)  # not on every system
+        pages = stop - stop % mmap.PAGESIZE
+        if isinstance(self.data, mmap.mmap) and advice is not None and pages:
+            self.data.madvise(advice, 0, pages)
+
     def fault(self, message: str, offset: int | None = None) -> InputError:
         """Make the error that says what is wrong with this file, for the caller to raise."""
         return InputError(message, path=self.path, offset=offset)

@@ -1,51 +1,28 @@
 """Rows of numbers in text: the engine under every text format.
 
-The careful reader of lines is the specification; NumPy's C reader takes the blocks that it understands alike, nearly all.
+The careful reader of lines is the specification; compiled readers take the blocks that they understand alike, nearly all.
 """
 
 from __future__ import annotations
 
-import io
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scan2nurbs.errors import InputError
+from scan2nurbs.io.layout import COMMENT, Layout
+from scan2nurbs.io.quick import read_quickly
 from scan2nurbs.io.source import Buffer, Source
 
-BLOCK = 1 << 23
+BLOCK = 1 << 22
 """Bytes parsed at a time; no line may be longer."""
 
-_COMMENT = (b"#", b"//", b"%", b"!")
 _AFTER_ROW = re.compile(rb"(?:^|(?<=[\s,;]))#")  # not within a word: Microsoft's old libraries print NaN as -1.#IND
 _NUMBER = re.compile(rb"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?")
 _INFINITE = re.compile(rb"[+-]?(inf|infinity|1\.#INF)", re.IGNORECASE)
 _MISSING = re.compile(rb"|[+-]?nan(\(\w*\))?|[+-]?1\.#(QNAN|SNAN|IND)\d*|null|none|n/?a", re.IGNORECASE)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Layout:
-    """How the numbers stand in the lines.
-
-    Attributes
-    ----------
-    columns : (int, int, int)
-        Which columns are x, y and z.
-    width : int or None
-        How many columns every row has; None where rows may have any number that reaches the three.
-    separator : bytes or None
-        What stands between columns; None for any white space.
-    decimal_comma : bool
-        Whether 1,5 means 1.5.
-    """
-
-    columns: tuple[int, int, int] = (0, 1, 2)
-    width: int | None = None
-    separator: bytes | None = None
-    decimal_comma: bool = False
 
 
 def read_rows(
@@ -76,19 +53,24 @@ def read_rows(
     InputError
         If a row is not numeric or has a wrong number of columns (with the line's number as offset), or rows are missing.
     """
-    parts: list[NDArray[np.float64]] = []
-    found = 0
+    points = np.empty((0, 3))
+    found = read = 0
+    size = len(source.data) - start
     for block, first_line in blocks(source, start, line):
         if n_rows is not None and found >= n_rows:
             break
         for piece, piece_line in _cut(block, first_line, None if n_rows is None else n_rows - found):
             wanted = None if n_rows is None else n_rows - found
-            rows = _parse(source, piece, piece_line, layout, wanted)
-            parts.append(rows)
+            rows = _parse(source, piece, piece_line, layout, wanted, long=size > 2 * BLOCK)
             found += len(rows)
+            read += len(piece)
+            if found > len(points):  # room for all, if the other lines are about as long: pieces and their sum would take twice as much
+                points.resize((max(found, int(1.02 * found * size / read)), 3), refcheck=False)
+            points[found - len(rows) : found] = rows
     if n_rows is not None and found < n_rows:
         raise source.fault(f"The header declares {n_rows:,} {what}, the file ends after {found:,}.", len(source.data))
-    return np.concatenate(parts) if parts else np.empty((0, 3))
+    points.resize((found, 3), refcheck=False)
+    return points
 
 
 def blocks(source: Source, start: int, line: int) -> Iterator[tuple[bytes, int]]:
@@ -103,6 +85,7 @@ def blocks(source: Source, start: int, line: int) -> Iterator[tuple[bytes, int]]
             block = block[: end + 1]
         yield block, line
         start += len(block)
+        source.forget(start)
         line += block.count(b"\n")
 
 
@@ -125,7 +108,7 @@ def with_newlines(data: Buffer) -> Buffer:
 def strip_comment(line: bytes) -> bytes:
     """Return what a line says, without its comment and white space."""
     line = _AFTER_ROW.split(line, maxsplit=1)[0].strip()
-    return b"" if line.startswith(_COMMENT) else line
+    return b"" if line.startswith(COMMENT) else line
 
 
 def split_row(line: bytes, separator: bytes | None) -> list[bytes]:
@@ -159,45 +142,13 @@ def _cut(block: bytes, line: int, n_rows: int | None) -> Iterator[tuple[bytes, i
     yield block[cut:], line + n_rows
 
 
-def _parse(source: Source, block: bytes, line: int, layout: Layout, wanted: int | None) -> NDArray[np.float64]:
+def _parse(source: Source, block: bytes, line: int, layout: Layout, wanted: int | None, *, long: bool) -> NDArray[np.float64]:
     if wanted == 0 or not block.strip():
         return np.empty((0, 3))
-    rows = _parse_fast(block, layout)
+    rows = read_quickly(block, layout, long=long)
     if rows is None or (wanted is not None and len(rows) > wanted):
         rows = _parse_lines(source, block, line, layout, wanted)
     return rows
-
-
-def _parse_fast(block: bytes, layout: Layout) -> NDArray[np.float64] | None:
-    """Read a block by NumPy's C reader; None where it holds anything but rows of numbers."""
-    if layout.decimal_comma:
-        block = block.replace(b",", b".")
-    if layout.width is None:
-        return _load(block, layout, layout.columns)
-    rows = _load(block, layout, None)
-    if rows is not None:
-        return np.ascontiguousarray(rows[:, layout.columns]) if rows.shape[1] == layout.width else None
-    # There may be words in columns that are not wanted, as long as no row lacks a column.
-    return _load(block, layout, layout.columns) if _has_width(block, layout) else None
-
-
-def _load(block: bytes, layout: Layout, columns: tuple[int, ...] | None) -> NDArray[np.float64] | None:
-    separator = None if layout.separator is None else layout.separator.decode()
-    try:
-        return np.loadtxt(io.BytesIO(block), delimiter=separator, comments=None, ndmin=2, usecols=columns)
-    except ValueError:
-        return None
-
-
-def _has_width(block: bytes, layout: Layout) -> bool:
-    """Tell whether every line has the separators of a whole row, and nothing that may be a comment."""
-    if layout.separator is None or layout.width is None or any(mark in block for mark in _COMMENT):
-        return False
-    codes = np.frombuffer(block, np.uint8)
-    ends = np.append(np.flatnonzero(codes == ord("\n")), len(block))
-    marks = np.searchsorted(np.flatnonzero(codes == ord(layout.separator)), ends)
-    n_marks = np.diff(marks[: -1 if block.endswith(b"\n") else None], prepend=0)
-    return bool(np.all(n_marks == layout.width - 1))
 
 
 def _parse_lines(source: Source, block: bytes, line: int, layout: Layout, wanted: int | None) -> NDArray[np.float64]:

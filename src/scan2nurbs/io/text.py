@@ -10,9 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from scan2nurbs.io.layout import Layout
 from scan2nurbs.io.scan import Scan
 from scan2nurbs.io.source import Buffer, Source
-from scan2nurbs.io.table import Layout, number, read_rows, show, split_row, strip_comment, with_newlines
+from scan2nurbs.io.table import number, read_rows, show, split_row, strip_comment, with_newlines
 from scan2nurbs.io.units import unit_in, unit_of
 
 _HEAD = 1 << 16

@@ -7,13 +7,17 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.colors import to_rgb
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from scan2nurbs.report.colours import face_colours
-from scan2nurbs.report.pictures import GREY, Array, Picture, draw_curves, stage, thin_out, to_png
-from scan2nurbs.report.view import View
+from scan2nurbs.report.pictures import GREY, Array, Picture, draw_curves, frame, paint, reach_of, scale_said, show, stage, thin_out, to_png
+from scan2nurbs.report.triangles import rasterise_triangles
+from scan2nurbs.report.view import Raster, View, choose_view, places
 
-SAMPLES = 1_000_000
-"""Points by which a mesh is drawn: more than one a pixel."""
+_NEAR = 3.0
+"""Spacings within which a place of the model has points."""
+
+_BARE = "#59626c"
 
 
 def faces_picture(points: Array, label: NDArray[np.int32], *, unit: str, curves: Sequence[Array] = (), view: View | None = None) -> Picture:
@@ -43,7 +47,6 @@ def model_picture(
     face: NDArray[np.int32],
     *,
     unit: str,
-    closed: bool = False,
     edges: Sequence[Array] = (),
     free: Sequence[Array] = (),
     view: View | None = None,
@@ -56,31 +59,49 @@ def model_picture(
         The model's triangles.
     face : (T,) int32
         The face of each triangle, in the numbering of `faces_picture`.
-    closed : bool
-        Whether the triangles bound a body: then those that turn their backs are left out, and nothing shines through.
     edges, free : sequences of (K, 3) float64
         Edges with a face on both sides, and with a face on one side only.
     """
-    if closed and view is not None:
-        seen = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) @ view.axes[2] > 0.0
-        corners, face = corners[seen], face[seen]
-    points, owner = spread(corners, SAMPLES)
-    figure, axes, scene = stage(points, face_colours(int(face.max(initial=0)) + 1)[face[owner]], view, unit)
+    raster, fitted = _seen(corners, face, view)
+    colour = face_colours(int(face.max(initial=0)) + 1)
+    figure, axes, scene = show(raster, colour[face[raster.index[raster.index >= 0]]], fitted, unit)
     draw_curves(axes, scene, edges, "black", 1.0)
     draw_curves(axes, scene, free, "red", 1.8)
     caption = "The CAD model: faces in the colours of the picture of faces, edges black, dotted where they run behind"
     return Picture("The model", caption + ("; free borders red." if free else "."), to_png(figure))
 
 
-def spread(corner: Array, n: int) -> tuple[Array, NDArray[np.int64]]:
-    """Spread about n points evenly over triangles (T, 3, 3); return them (M, 3) and the triangle of each (M,)."""
-    area = 0.5 * np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1)
-    total = float(area.sum())
-    # Every triangle gets its share, rounded by where the running sum passes whole numbers.
-    steps = np.floor(np.cumsum(area) * (n / total if total > 0 else 0.0)).astype(np.int64)
-    owner = np.repeat(np.arange(len(corner)), np.diff(steps, prepend=0))
-    # An additive recurrence fills the unit square evenly without random numbers (Roberts 2018).
-    a = np.mod(np.arange(len(owner))[:, None] * [0.7548776662466927, 0.5698402909980532], 1.0)
-    a = np.where(a.sum(axis=1, keepdims=True) > 1.0, 1.0 - a, a)
-    weight = np.column_stack([1.0 - a.sum(axis=1), a])
-    return np.einsum("ni,nij->nj", weight, corner[owner]), owner
+def model_deviation_picture(
+    corners: Array, face: NDArray[np.int32], feet: Array, deviation: Array, *, unit: str, spacing: float, view: View | None = None
+) -> Picture:
+    """Show the model in the colours of the points nearest to each place: red where they lie above it, blue below.
+
+    Parameters
+    ----------
+    corners, face
+        As in `model_picture`.
+    feet : (N, 3) float64
+        The points' feet on the model.
+    deviation : (N,) float64
+        Signed distances, in `unit`; NaN is left grey.
+    spacing : float
+        How far points lie apart: places with none within some spacings are grey.
+    """
+    raster, fitted = _seen(corners, face, view)
+    known = np.flatnonzero(np.isfinite(deviation))
+    known = known[thin_out(len(known))]
+    seen = places(raster, fitted)
+    value = np.full(len(seen), np.nan)
+    if len(known) and len(seen):
+        distance, near = map(np.asarray, KDTree(feet[known]).query(seen, distance_upper_bound=_NEAR * spacing, workers=-1))
+        found = np.isfinite(distance)
+        value[found] = deviation[known[near[found]]]
+    reach = reach_of(deviation)
+    png = paint(raster, value, fitted, unit, limits=(-reach, reach), scale="coolwarm", label=f"Deviation ({unit})", unknown=_BARE)
+    said = "The model, each place in the colour of the point nearest to it: its distance from the surface; dark grey where none is near; "
+    return Picture("Deviation from the surface", said + scale_said(reach, unit), png)
+
+
+def _seen(corners: Array, face: NDArray[np.int32], view: View | None) -> tuple[Raster, View]:
+    fitted, width, height = frame(view or choose_view(corners.reshape(-1, 3)))
+    return rasterise_triangles(corners, face, fitted, width=width, height=height), fitted

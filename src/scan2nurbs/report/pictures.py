@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,6 +15,7 @@ from matplotlib.colors import Normalize, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
+from scipy.ndimage import minimum_filter
 from scipy.spatial import KDTree
 
 from scan2nurbs.report.view import Raster, View, choose_view, rasterise
@@ -77,12 +79,22 @@ def deviation_picture(points: Array, deviation: Array, *, unit: str, tolerance: 
     deviation : (N,) float64
         Signed distance, in `unit`; NaN is left grey.
     """
-    finite = np.abs(deviation[np.isfinite(deviation)])
-    reach = float(max(np.quantile(finite, 0.99), 1e-300)) if len(finite) else 1.0
-    said = f"Signed distance of each point from the surface; the scale ends at ±{_short(reach)} {unit}, which 99 % of the points keep."
+    reach = reach_of(deviation)
+    said = f"Signed distance of each point from the surface; {scale_said(reach, unit)}"
     if tolerance is not None:
         said += f" The tolerance is {_short(tolerance)} {unit}."
     return _coloured(points, deviation, (-reach, reach), "coolwarm", f"Deviation ({unit})", "Deviation from the surface", said, unit, view)
+
+
+def reach_of(deviation: Array) -> float:
+    """Return where the scale of deviations ends."""
+    finite = np.abs(deviation[np.isfinite(deviation)])
+    return float(max(np.quantile(finite, 0.99), 1e-300)) if len(finite) else 1.0
+
+
+def scale_said(reach: float, unit: str) -> str:
+    """Say where the scale of deviations ends."""
+    return f"the scale ends at ±{_short(reach)} {unit}, which 99 % of the points keep."
 
 
 def trend_picture(points: Array, deviation: Array, *, unit: str, tolerance: float | None = None, view: View | None = None) -> Picture:
@@ -202,28 +214,57 @@ def _coloured(
     mark: float | None = None,
 ) -> Picture:
     keep = thin_out(len(points))
+    fitted, width, height = frame(view or choose_view(points[keep]))
+    raster = rasterise(points[keep], fitted, width=width, height=height)
+    seen = values[keep][raster.index[raster.index >= 0]]
+    return Picture(title, caption, paint(raster, seen, fitted, unit, limits=limits, scale=scale, label=label, mark=mark))
+
+
+def paint(
+    raster: Raster,
+    values: Array,
+    fitted: View,
+    unit: str,
+    *,
+    limits: tuple[float, float],
+    scale: str,
+    label: str,
+    mark: float | None = None,
+    unknown: str = GREY,
+) -> bytes:
+    """Draw what is seen in the colours of values (N,), one a pixel with something, with the scale beside it; NaN is `unknown`."""
     mapping = ScalarMappable(Normalize(*limits), scale)
-    known = np.isfinite(values[keep])
-    colour = np.asarray(mapping.to_rgba(np.where(known, values[keep], 0.0)))[:, :3]
-    colour[~known] = to_rgb(GREY)
-    figure, axes, _ = stage(points[keep], colour, view, unit)
+    known = np.isfinite(values)
+    colour = np.asarray(mapping.to_rgba(np.where(known, values, 0.0)))[:, :3]
+    colour[~known] = to_rgb(unknown)
+    figure, axes, _ = show(raster, colour, fitted, unit)
     bar = figure.colorbar(mapping, ax=axes, shrink=0.75, aspect=28, pad=0.01, extend="max" if limits[0] == 0 else "both", label=label)
     if mark is not None:
         bar.ax.axhline(mark, color="white", linewidth=2.2)
         bar.ax.axhline(mark, color="black", linewidth=0.9)
-    return Picture(title, caption, to_png(figure))
+    return to_png(figure)
 
 
 def stage(points: Array, colour: Array, view: View | None, unit: str) -> tuple[Figure, Axes, Scene]:
     """Draw shaded points (N, 3) in their colours (N, 3), with a scale bar and the directions of the axes."""
-    view = view or choose_view(points)
+    fitted, width, height = frame(view or choose_view(points))
+    raster = rasterise(points, fitted, width=width, height=height)
+    return show(raster, colour[raster.index[raster.index >= 0]], fitted, unit)
+
+
+def frame(view: View) -> tuple[View, int, int]:
+    """Return the view in the shape of a picture, and the picture's width and height in pixels."""
     size = view.high - view.low
     height = int(_WIDTH * np.clip(size[1] / size[0], 0.3, 0.85)) if size[0] > 0 else _WIDTH // 2
-    fitted = _widen(view, _WIDTH / height)
-    raster = rasterise(points, fitted, width=_WIDTH, height=height)
-    image = np.ones((height, _WIDTH, 3))
+    return _widen(view, _WIDTH / height), _WIDTH, height
+
+
+def show(raster: Raster, colour: Array, fitted: View, unit: str) -> tuple[Figure, Axes, Scene]:
+    """Draw what is seen, shaded, with a scale bar and the directions of the axes; `colour` (N, 3) is that of the pixels with something."""
+    height, width = raster.index.shape
+    image = np.ones((height, width, 3))
     hit = raster.index >= 0
-    image[hit] = colour[raster.index[hit]] * (0.62 + 0.38 * raster.shade[hit])[:, None]
+    image[hit] = colour * (0.62 + 0.38 * raster.shade[hit])[:, None]
     figure = Figure(figsize=(_WIDTH / _DPI, (height + 70) / _DPI), dpi=_DPI, layout="constrained")
     axes = figure.add_subplot()
     (left, low), (right, high) = fitted.low, fitted.high
@@ -242,12 +283,18 @@ class Scene:
     raster: Raster
 
     def hides(self, seen: Array) -> NDArray[np.bool_]:
-        """Tell which projected points lie well behind what is seen at their place."""
+        """Tell which projected points lie well behind all that is seen about their place."""
         height, width = self.raster.index.shape
         size = self.view.high - self.view.low
         at = np.floor((seen[:, :2] - self.view.low) / size * (width, height)).astype(np.int64)
         column, row = np.clip(at, 0, [width - 1, height - 1]).T
-        return np.asarray(self.raster.nearness[row, column] > seen[:, 2] + 0.03 * size[0])
+        # A curve is often the very border of what is seen: then it is not hidden by what is on one side of it.
+        return np.asarray(self.lowest[row, column] > seen[:, 2] + self.raster.slack)
+
+    @cached_property
+    def lowest(self) -> Array:
+        """The least nearness (height, width) about each pixel."""
+        return np.asarray(minimum_filter(self.raster.nearness, 3))
 
 
 def _widen(view: View, aspect: float) -> View:

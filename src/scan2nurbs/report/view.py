@@ -6,7 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
+from scipy.ndimage import gaussian_filter, generate_binary_structure, maximum_filter, minimum_filter
+
+_GAP, _BEHIND = 1.5, 3.0
+"""Radii of a point's disc: how wide on either side gaps between discs are closed, and how far behind something seen in one must lie."""
 
 
 @dataclass(frozen=True)
@@ -80,20 +83,31 @@ class Raster:
     Attributes
     ----------
     index : (height, width) int64
-        The point that is seen, −1 where none is; row 0 is the lowest.
+        The point or triangle that is seen, −1 where none is; row 0 is the lowest.
     nearness : (height, width) float64
-        Of that point to the eye, in the points' unit; −inf where none is.
+        Of what is seen there to the eye, in the points' unit; −inf where nothing is.
     shade : (height, width) float64
         Brightness in [0, 1] of a surface lit from the upper left.
+    slack : float
+        How far behind what is seen something may lie, in the points' unit, and count as lying on it.
     """
 
     index: NDArray[np.int64]
     nearness: NDArray[np.float64]
     shade: NDArray[np.float64]
+    slack: float
+
+
+def places(raster: Raster, view: View) -> NDArray[np.float64]:
+    """Return the place in space (N, 3) that is seen at each pixel with something, row by row."""
+    height, width = raster.index.shape
+    row, column = np.nonzero(raster.index >= 0)
+    across = (np.stack([column, row], axis=1) + 0.5) * ((view.high - view.low) / (width, height)) + view.low
+    return np.column_stack([across, raster.nearness[row, column]]) @ view.axes
 
 
 def rasterise(points: NDArray[np.float64], view: View, *, width: int, height: int) -> Raster:
-    """Draw points as discs that just touch, nearer ones over farther ones."""
+    """Draw points as discs that just touch, nearer ones over farther ones; what lies behind them does not show in gaps."""
     seen = view.project(points)
     pixel = (view.high - view.low) / (width, height)
     column, row = ((seen[:, :2] - view.low) / pixel).T
@@ -103,23 +117,41 @@ def rasterise(points: NDArray[np.float64], view: View, *, width: int, height: in
     order = order[inside[order]]
     column, row = column[order].astype(np.int64), row[order].astype(np.int64)
     rank = np.full((height, width), -1, np.int64)
-    for across, upwards in _disc(column, row):
+    radius = _radius(column, row)
+    for across, upwards in _disc(radius):
         x, y = np.clip(column + across, 0, width - 1), np.clip(row + upwards, 0, height - 1)
         layer = np.full((height, width), -1, np.int64)
         layer[y, x] = np.arange(len(order))
         np.maximum(rank, layer, out=rank)
-    index = np.where(rank >= 0, order[rank], -1) if len(order) else rank
-    nearness = np.where(index >= 0, seen[index, 2], -np.inf)
-    return Raster(index, nearness, _shade(nearness, float(pixel[0])))
+    depth = np.append(seen[order, 2], -np.inf)  # −1 is no point
+    closed = _close(rank, int(np.ceil(_GAP * radius)))
+    rank = np.where((rank < 0) | (depth[closed] > depth[rank] + _BEHIND * radius * pixel[0]), closed, rank)
+    nearness = depth[rank]
+    index = np.append(order, -1)[rank]
+    return Raster(index, nearness, _shade(nearness, float(pixel[0])), slack=0.03 * float(view.high[0] - view.low[0]))
 
 
-def _disc(column: NDArray[np.int64], row: NDArray[np.int64]) -> list[tuple[int, int]]:
-    """Return the pixels of a disc as wide as the points lie apart on the picture."""
+def _radius(column: NDArray[np.int64], row: NDArray[np.int64]) -> float:
+    """Return the radius in pixels of discs as wide as the points lie apart on the picture."""
     tile = 8
     covered = len(np.unique((column // tile) * 100_000 + row // tile)) * tile**2
-    radius = min(max(1.15 * np.sqrt(covered / max(len(column), 1)), 0.8), 8.0)
+    return float(min(max(1.15 * np.sqrt(covered / max(len(column), 1)), 0.8), 8.0))
+
+
+def _disc(radius: float) -> list[tuple[int, int]]:
     reach = range(-int(radius), int(radius) + 1)
     return [(x, y) for x in reach for y in reach if x * x + y * y <= radius * radius]
+
+
+def _close(rank: NDArray[np.int64], reach: int) -> NDArray[np.int64]:
+    """Close what is no wider than an octagon of `reach` pixels on either side: one is a square grown by crosses, which is quicker."""
+    edge, cross = 2 * (reach - reach // 2) + 1, generate_binary_structure(2, 1)
+    grown = maximum_filter(rank, edge)
+    for _ in range(reach // 2):
+        grown = maximum_filter(grown, footprint=cross)
+    for _ in range(reach // 2):
+        grown = minimum_filter(grown, footprint=cross)
+    return np.asarray(minimum_filter(grown, edge), np.int64)
 
 
 def _shade(nearness: NDArray[np.float64], pixel: float) -> NDArray[np.float64]:
@@ -129,6 +161,14 @@ def _shade(nearness: NDArray[np.float64], pixel: float) -> NDArray[np.float64]:
     base = float(nearness[known].mean()) if known.any() else 0.0
     smooth = base + gaussian_filter(np.where(known, np.where(known, nearness, base) - base, 0.0), 3.0) / np.maximum(weight, 1e-6)
     slope_up, slope_right = np.gradient(smooth, pixel)
+    normal = np.stack([-slope_right, -slope_up, np.ones_like(smooth)], axis=-1)
+    return np.where(known, lit(normal), 1.0)
+
+
+def lit(normal: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return how bright surfaces are, from 0 to 1, by their normals (..., 3) along right, up and towards the eye; they have no back."""
     light = np.array([-0.45, 0.55, 0.7]) / np.linalg.norm([0.45, 0.55, 0.7])
-    lit = (-slope_right * light[0] - slope_up * light[1] + light[2]) / np.sqrt(1 + slope_right**2 + slope_up**2)
-    return np.where(known, np.clip(lit, 0.0, 1.0), 1.0)
+    length = np.maximum(np.linalg.norm(normal, axis=-1), 1e-300)
+    facing = np.where(normal[..., 2] < 0.0, -1.0, 1.0) * (normal @ light) / length
+    darkest = -np.hypot(light[0], light[1])  # what turns away from the light keeps its relief too
+    return np.clip((facing - darkest) / (1.0 - darkest), 0.0, 1.0)
