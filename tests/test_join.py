@@ -7,7 +7,7 @@ import pytest
 from scan2nurbs.brep import check as checks
 from scan2nurbs.brep import endure, join, viewed
 from scan2nurbs.brep.check import is_valid_meshed
-from scan2nurbs.brep.endure import endures
+from scan2nurbs.brep.endure import endures, spoilt
 from scan2nurbs.brep.occ import KernelError
 from scan2nurbs.brep.solids import compound
 from scan2nurbs.brep.viewed import unseen
@@ -92,9 +92,9 @@ def test_a_face_without_triangles_is_not_seen():
 def test_a_face_that_is_not_seen_leaves_its_neighbours(monkeypatch):
     shown = []
 
-    def once(faces, shape):
+    def once(faces, shape, bent):
         shown.append(shape)
-        return [0, 2] if len(shown) == 1 else viewed.unseen(faces, shape)
+        return [0, 2] if len(shown) == 1 else viewed.unseen(faces, shape, bent)
 
     monkeypatch.setattr(join, "unseen", once)
     part = box(size=(8.0, 6.0, 5.0)).build()
@@ -108,8 +108,50 @@ def test_a_face_that_is_not_seen_leaves_its_neighbours(monkeypatch):
 
 
 def test_a_part_that_the_kernel_fails_to_show_is_built_all_the_same(monkeypatch):
-    def fails(_faces, _shape):
+    def fails(_faces, _shape, _bent):
         raise KernelError("The CAD kernel could not triangulate the part.")
 
     monkeypatch.setattr(join, "unseen", fails)
     assert box().build().closed
+
+
+def test_bent_faces_are_shown_with_triangles_of_a_least_size_alone(monkeypatch):
+    asked = []
+
+    def note(faces, _shape, _deflection, _angle, least):
+        asked.append((sorted(faces), least is None))
+        return []
+
+    monkeypatch.setattr(viewed, "_lost", note)
+    squares = [polygon([(x, 0), (x + 9, 0), (x + 9, 9), (x, 9)]) for x in (0, 20, 40)]
+    assert unseen([(square,) for square in squares], compound(squares), bent=[1]) == []
+    assert asked == [([0, 1, 2], False), ([0, 1, 2], False), ([0, 2], True)]
+
+
+def test_a_face_that_a_file_divides_and_spoils_is_found(monkeypatch):
+    faces = [(polygon([(x, 0), (x + 10, 0), (x + 10, 6), (x, 6)]),) for x in (0, 20, 40)]
+    assert spoilt(faces, compound([piece for pieces in faces for piece in pieces])) == []
+    half, crossed = polygon([(20, 0), (24, 0), (24, 6), (20, 6)]), polygon([(24, 0), (30, 6), (30, 0), (24, 6)])
+    monkeypatch.setattr(endure, "read_shape", lambda path: compound([*faces[2], half, crossed, *faces[0]]))
+    assert spoilt(faces, compound([piece for pieces in faces for piece in pieces])) == [1]
+
+
+def test_a_face_that_is_spoilt_where_the_part_is_read_leaves_its_neighbours(monkeypatch):
+    told = [[0], []]
+    monkeypatch.setattr(join, "spoilt", lambda _faces, _shape: told.pop(0))
+    monkeypatch.setattr(join, "endures", lambda shape: len(told) < 2)
+    part = box().build()
+    assert part.valid
+    assert [face.trimmed == "alone" for face in part.faces] == [True, False, False, False, False, False]
+    assert part.n_free_edges == 8  # its own four, and those of its neighbours
+    assert any("invalid once the part is read from a file: it has its own outline" in note for note in part.notes)
+
+
+def test_a_face_that_is_invalid_beside_the_others_even_alone_is_left_out(monkeypatch):
+    sound = join._is_sound
+    monkeypatch.setattr(join, "_is_sound", lambda piece, extent: not is_round(piece) and sound(piece, extent))
+    monkeypatch.setattr(join, "endures", lambda shape: not is_round(shape))
+    part = rod().build()
+    assert part.valid
+    assert [face.trimmed for face in part.faces].count("lost") == 1
+    assert any("is invalid beside the others: it is left out" in note for note in part.notes)
