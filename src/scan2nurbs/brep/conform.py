@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 from scipy.sparse import csr_matrix, diags, eye, kron
-from scipy.sparse.linalg import spsolve
+from scipy.sparse.linalg import splu
 
 from scan2nurbs.brep.borders import BorderCurve, lay_borders, without_faces
 from scan2nurbs.brep.charts import Chart, SplineChart, chart_of
@@ -223,6 +223,7 @@ def _offset(axes: Sequence[Floats], uv: Floats, off: Floats) -> Floats:
     normal = (rows.T @ rows).tocsc()
     hold = np.where(normal.diagonal() > 1e-3, _HOLD, _STAY)
     normal = normal + _SMOOTH**2 * along + diags(hold**2)
-    c = np.asarray(spsolve(normal.tocsc(), rows.T @ off)).reshape(n)
+    solver = splu(normal.tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+    c = solver.solve(rows.T @ off).reshape(n)
     at = [BSpline.design_matrix(x, k, 3) for x, k in zip(axes, knots, strict=True)]
     return np.asarray(at[0] @ c @ at[1].T.toarray())
