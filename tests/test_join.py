@@ -125,7 +125,7 @@ def test_bent_faces_are_shown_with_triangles_of_a_least_size_alone(monkeypatch):
     monkeypatch.setattr(viewed, "_lost", note)
     squares = [polygon([(x, 0), (x + 9, 0), (x + 9, 9), (x, 9)]) for x in (0, 20, 40)]
     assert unseen([(square,) for square in squares], compound(squares), bent=[1]) == []
-    assert asked == [([0, 1, 2], False), ([0, 1, 2], False), ([0, 2], True)]
+    assert asked == [([0, 1, 2], False), ([0, 1, 2], False), ([0, 2], True), ([0, 2], True)]
 
 
 def test_a_face_that_a_file_divides_and_spoils_is_found(monkeypatch):

@@ -16,6 +16,8 @@ _VIEWS = ((0.002, 0.1), (0.01, 0.5))
 """Deflection, as a share of the root of the part's area, and angle: what viewers and mesh exporters commonly take."""
 _LEAST = 5e-4
 """Least size of triangles, as such a share."""
+_PLAIN = ((0.002, 0.1), (1 / 3000, 0.1))
+"""The same without a least size but the kernel's own, for surfaces without wrinkles: as viewers have it, and as meshes are exported."""
 
 Pieces = tuple[Any, ...]
 
@@ -53,7 +55,7 @@ def unseen(faces: Sequence[Pieces], shape: Any, bent: Collection[int] = ()) -> l
         lost = {f for deflection, angle in _VIEWS for f in _lost(every, shape, deflection * size, angle, _LEAST * size)}
         plain = {f: pieces for f, pieces in every.items() if f not in bent and f not in lost}
         together = compound([piece for pieces in plain.values() for piece in pieces])
-        return sorted(lost.union(_lost(plain, together, _VIEWS[0][0] * size, _VIEWS[0][1], None)))
+        return sorted(lost.union(f for deflection, angle in _PLAIN for f in _lost(plain, together, deflection * size, angle, None)))
 
 
 def _lost(faces: Mapping[int, Pieces], shape: Any, deflection: float, angle: float, least: float | None) -> list[int]:
