@@ -1,5 +1,8 @@
 """Whether shapes are still valid in a file: STEP keeps no tolerances, and who reads it mends what only they held together."""
 
+# The kernel's modules are filled when they are imported; a type checker sees them empty.
+# pyright: reportAttributeAccessIssue=false
+
 from __future__ import annotations
 
 import math

@@ -22,7 +22,7 @@ from scan2nurbs.brep.known import Known
 from scan2nurbs.brep.occ import silence
 from scan2nurbs.brep.shared import SharedFaces
 from scan2nurbs.brep.solids import area, compound, tolerance, volume
-from scan2nurbs.errors import InputError, NoResultError
+from scan2nurbs.errors import InputError, NoResultError, ParameterError
 from scan2nurbs.faces.topology import Fitted, Topology
 from scan2nurbs.kernels.runner import Progress
 from scan2nurbs.scale import Scale
@@ -43,16 +43,23 @@ class ModelParams:
     Attributes
     ----------
     widest : float
-        Tolerance of an edge, in h, > 0, above which its border is laid anew, closer to the points, and listed if that does not help.
+        Tolerance of an edge, in h, (0, inf), above which its border is laid anew, closer to the points, and listed if that does not help.
     bearable : float
-        Tolerance of an edge, in h, > 0, above which one of its faces leaves its neighbours and gets an outline of its own.
+        Tolerance of an edge, in h, (0, inf), above which one of its faces leaves its neighbours and gets an outline of its own.
     reach : float
-        Distance, in h and beyond three times the noise, up to which points and model belong together, > 0.
+        Distance, in h and beyond three times the noise, up to which points and model belong together, (0, inf).
     """
 
     widest: float = 0.5
-    bearable: float = 1.0
+    bearable: float = 0.5
     reach: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Refuse values out of range."""
+        for name in ("widest", "bearable", "reach"):
+            value = getattr(self, name)
+            if not 0.0 < value < float("inf"):
+                raise ParameterError(f"The '{name}' of ModelParams must be a number in (0, inf). Got {value!r} instead.")
 
 
 @dataclass(frozen=True)

@@ -42,11 +42,12 @@ class Borders:
 
     def sorted(self, cells: Cells) -> Borders:
         """Return them in the order of the sorted points, if they stand in that of the points that the cells were built from."""
-        return Borders(*(values[cells.order] for values in (self.mask, self.outline, self.openness)))
+        order = cells.order
+        return Borders(self.mask[order], self.outline[order], self.openness[order])
 
     def unsorted(self, cells: Cells) -> Borders:
         """Return them in the order of the points that the cells were built from, if they stand in that of the sorted points."""
-        return Borders(*(unsorted(cells, values) for values in (self.mask, self.outline, self.openness)))
+        return Borders(unsorted(cells, self.mask), unsorted(cells, self.outline), unsorted(cells, self.openness))
 
 
 def find_borders(cells: Cells, normals: NDArray[np.float64], h: float, noise: float) -> Borders:

@@ -21,7 +21,7 @@ LEAST = 5.0
 
 def openness(
     cells: Cells, normals: NDArray[np.float64], radius: float, thickness: float, *, progress: Progress | None = None
-) -> NDArray[np.float64]:
+) -> NDArray[np.float32]:
     """Measure by how much the emptiest quarter about each point is emptier than the fullest.
 
     Parameters
