@@ -256,3 +256,16 @@ def test_the_bottom_of_a_blind_hole_gets_a_plane_and_stray_points_do_not():
     assert deep.sum() > 12
     assert (label[deep] == 1).all()
     assert (label[points[:, 2] > 2.0] == 0).all()
+
+
+def test_outliers_that_happen_to_lie_in_a_plane_are_of_no_face():
+    rng = np.random.default_rng(7)
+    points, _ = box(rng)
+    # In the plane of a face, far from it and from each other; and enough of them for a face of their own, in no plane of the box.
+    beside = np.c_[np.arange(60.0, 300.0, 30.0), np.full(8, 15.0), rng.normal(scale=NOISE, size=8)]
+    apart = np.c_[np.repeat(np.arange(4) * 25.0, 5), np.tile(np.arange(5) * 25.0, 4), np.full(20, 80.0)]
+    everything = np.vstack([points, beside, apart + rng.normal(scale=NOISE, size=apart.shape)])
+    faces = segment(everything)
+    assert len(faces.fits) == 6
+    assert (faces.label[len(points) :] == -1).all()
+    assert (faces.label[: len(points)] >= 0).mean() > 0.99

@@ -24,6 +24,8 @@ ACROSS_CREASE = 0.5
 MODEL_COST = 12.0
 OUTLYING = 5.0
 """No point of a surface lies so many standard deviations off it."""
+LONGEST = 8.0
+"""Points farther apart than so many h are no neighbours on a face, however sparse it is."""
 
 
 @dataclass(frozen=True)
@@ -166,7 +168,7 @@ def adopt(sheet: Sheet, label: NDArray[np.int32], models: NDArray[np.float64], r
 
 
 def drop_outliers(sheet: Sheet, label: NDArray[np.int32], models: NDArray[np.float64]) -> NDArray[np.int32]:
-    """Take the label from points that lie far from their surface, and farther than their neighbours do."""
+    """Take the label from points that lie far from their surface, and farther than their neighbours do, or that have no neighbour on it."""
     order, starts = grouped(label, len(models))
     d = np.zeros(len(label))
     for i, model in enumerate(models):
@@ -175,7 +177,9 @@ def drop_outliers(sheet: Sheet, label: NDArray[np.int32], models: NDArray[np.flo
     others = sheet.neighbours != np.arange(len(label))[:, None]
     same = others & (label[sheet.neighbours] == label[:, None])
     mean = np.where(same, d[sheet.neighbours], 0.0).sum(axis=1) / np.maximum(same.sum(axis=1), 1)
-    return np.where(np.abs(d - mean) > OUTLYING * sheet.sigma, -1, label).astype(np.int32)
+    nearest = np.linalg.norm(sheet.points[sheet.neighbours] - sheet.points[:, None], axis=2)
+    alone = ~(same & (nearest < LONGEST)).any(axis=1)
+    return np.where(alone | (np.abs(d - mean) > OUTLYING * sheet.sigma), -1, label).astype(np.int32)
 
 
 def split_pieces(
@@ -184,6 +188,7 @@ def split_pieces(
     """Give every connected piece of a label its own model; pieces of fewer than `least` points lose their label.
 
     Points that are neighbours are connected; where labels may be strips too narrow for that, all that have a neighbour in common are.
+    Outliers have only each other for neighbours, but farther away than any gap between points of a face.
     """
     n, k = sheet.neighbours.shape
     j = sheet.neighbours.ravel()
@@ -192,8 +197,11 @@ def split_pieces(
         by_label = np.argsort(label[sheet.neighbours], axis=1, kind="stable")
         near = np.take_along_axis(sheet.neighbours, by_label, axis=1)
         i, j = np.concatenate([i, near[:, :-1].ravel()]), np.concatenate([j, near[:, 1:].ravel()])
-    same = (j >= 0) & (label[i] == label[j]) & (label[i] >= 0)
-    graph = coo_array((np.ones(int(same.sum()), np.int8), (i[same], j[same])), shape=(n, n))
+    same = np.flatnonzero((j >= 0) & (label[i] == label[j]) & (label[i] >= 0))
+    i, j = i[same], j[same]
+    near = np.linalg.norm(sheet.points[i] - sheet.points[j], axis=1) < LONGEST
+    i, j = i[near], j[near]
+    graph = coo_array((np.ones(len(i), np.int8), (i, j)), shape=(n, n))
     _, piece = connected_components(graph, directed=False)
     size = np.bincount(piece)
     good = (label >= 0) & (size[piece] >= least)
