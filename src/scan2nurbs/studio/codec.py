@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from scan2nurbs.edges.border import Borders
 from scan2nurbs.edges.detect import Edges
 from scan2nurbs.faces.complex import Border, LabelledMesh, Topology
 from scan2nurbs.faces.segmentation import Faces
@@ -30,7 +31,7 @@ from scan2nurbs.surfaces.torus import Torus
 Arrays = list[NDArray[Any]]
 
 _SHAPES: tuple[type, ...] = (Plane, Cylinder, Cone, Sphere, Torus, Extrusion, Revolution, PlanarCurve, SplineShape, BSplineSurface)
-_STAGES: tuple[type, ...] = (Edges, Faces, ShapeFit, Parted, Related, Relation, Topology, Border, LabelledMesh)
+_STAGES: tuple[type, ...] = (Borders, Edges, Faces, ShapeFit, Parted, Related, Relation, Topology, Border, LabelledMesh)
 _SEEN: tuple[type, ...] = (StepResult, Figure, FaceEntry)
 _CLASSES: dict[str, Any] = {cls.__name__: cls for cls in (*_SHAPES, *_STAGES, *_SEEN)}
 _ARRAYS = "biuf"
