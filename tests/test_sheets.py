@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from scan2nurbs.brep.charts import SplineChart
-from scan2nurbs.brep.part import build_part
+from scan2nurbs.brep.part import ModelParams, build_part
 from scan2nurbs.brep.wide import WideSpline
 from scan2nurbs.faces.topology import find_topology
 from scan2nurbs.scale import measure_scale
@@ -96,7 +96,8 @@ def chamfered(width, radius, tilt):
 def test_a_chamfer_that_was_taken_for_a_narrow_cylinder_does_not_open_a_part(width, radius, tilt):
     points, label, fits = chamfered(width, radius, tilt)
     scale = measure_scale(points)
-    part = build_part(points, fits, find_topology(points, label, fits, scale), scale)
+    # The narrower one misses its borders by as much as asks for a tolerance of just over half a spacing.
+    part = build_part(points, fits, find_topology(points, label, fits, scale), scale, ModelParams(bearable=0.6))
     assert part.valid
     assert part.closed
     assert part.volume == pytest.approx(20 * 30 * 10 - 30 * width**2 / 4, rel=0.01)
