@@ -23,7 +23,7 @@ _SOME = 4
 _COVERED = 0.95
 """Where a model covers less of the scan than this, a surface is missing, or is on the wrong side of its borders."""
 _WIDER = 2.0
-"""Where no reading closes a part, tolerances may be so many times as wide if that does."""
+"""Where a face does not fit its neighbours, tolerances may be so many times as wide: better than an open part."""
 _LESS = 0.02
 """How much more of the scan a model has to cover to be the better one for it, closed or not."""
 
@@ -104,12 +104,16 @@ def build_from_readings(
     Where a border runs within the spacing of the points is chance, and now and then chance draws one that no face can be trimmed by. Each
     further reading leaves out another tenth of the points, so that its borders are others. A surface that a relation has moved may
     also have been moved off a neighbour that the relation does not know of: around what does not fit, relations are given up, in the
-    last reading all of them. Where no reading closes the part, the first may with wider tolerances. Deterministic.
+    last reading all of them. Before that, wider tolerances are tried, which hold from then on. Deterministic.
     """
     best = last = Reading(build_part(points, fits, topology, scale, params, progress), topology, tuple(fits))
     related = frozenset(f for f, fit in enumerate(fits) if fit is not unrelated[f])
+    if not best.fits_together:
+        params = replace(params, bearable=_WIDER * params.bearable)
+        last = replace(best, part=build_part(points, fits, topology, scale, params, progress))
+        best = last if last.betters(best) else best
     for turn in range(1, READINGS):
-        if best.fits_together or len(best.misfits) > _SOME:
+        if best.fits_together or len(last.misfits) > _SOME:
             break
         released = (last.released | _around(last)) & related if turn < READINGS - 1 else related
         use = tuple(unrelated[f] if f in released else fit for f, fit in enumerate(fits))
@@ -121,12 +125,7 @@ def build_from_readings(
         except NoResultError:
             continue
         best = last if last.betters(best) else best
-    if best.fits_together or len(best.misfits) > _SOME:
-        return best
-    # An edge that only a wide tolerance holds is better than an open part, but the last that is tried.
-    wider = replace(params, bearable=_WIDER * params.bearable)
-    last = Reading(build_part(points, fits, topology, scale, wider, progress), topology, tuple(fits))
-    return last if last.part.closed and last.betters(best) else best
+    return best
 
 
 def without_relations(related: Related, reading: Reading, names: Sequence[str]) -> Related:
