@@ -171,7 +171,7 @@ def _root(chart: Chart, axis: int, curve: BorderCurve, t: tuple[float, float], t
     if off(t[0]) * off(t[1]) > 0:
         share = (line - turns[0]) / (turns[1] - turns[0])
         return float(t[0] + share * (t[1] - t[0]))
-    return float(brentq(off, t[0], t[1], xtol=1e-15 * max(1.0, abs(t[1]))))  # type: ignore[arg-type]
+    return float(brentq(off, t[0], t[1], xtol=1e-15 * max(1.0, abs(t[1]))))  # type: ignore[arg-type] - the stubs want float64 back
 
 
 def _area(uv: Floats) -> float:

@@ -96,7 +96,7 @@ def takes(*stages: Stage) -> Callable[[Callable[..., None]], Callable[..., None]
             command(**arguments, given=Given(Common(**switches), said))
 
         run.__annotations__ = {}
-        run.__signature__ = own.replace(parameters=[*kept, *made, *common])  # type: ignore[attr-defined]
+        run.__signature__ = own.replace(parameters=[*kept, *made, *common])  # type: ignore[attr-defined] - typer asks functions for it
         return run
 
     return decorate

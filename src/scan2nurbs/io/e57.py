@@ -36,7 +36,7 @@ def read_e57(source: Source) -> Scan:
         raise source.fault("E57 inside gzip cannot be read; unpack it first.")
     _check_header(source)
     try:
-        from pye57 import libe57  # type: ignore[attr-defined]  # noqa: PLC0415 - an optional dependency
+        from pye57 import libe57  # type: ignore[attr-defined] - compiled  # noqa: PLC0415 - an optional dependency
     except ImportError:
         raise MissingExtraError("Reading E57", "e57", path=source.path) from None
     try:

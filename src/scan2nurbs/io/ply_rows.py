@@ -157,7 +157,7 @@ def _walk(source: Source, element: Element, offset: int, order: str, columns: tu
         for item, length, signed in steps:
             at.append(offset)
             if length:
-                count = int.from_bytes(data[offset : offset + length], byte_order, signed=signed)  # type: ignore[arg-type]
+                count = int.from_bytes(data[offset : offset + length], byte_order, signed=signed)  # type: ignore[arg-type] - a str
                 if count < 0:
                     raise source.fault(f"A list of the PLY element '{element.name}' has the length {count} (row {row}).", offset)
                 offset += length + count * item

@@ -23,6 +23,7 @@ from scan2nurbs.errors import ParameterError
 
 logger = logging.getLogger(__name__)
 
+# What Numba returns is called as the function was; its types say only that it is a dispatcher, hence the ignored return values below.
 Function = TypeVar("Function", bound=Callable[..., Any])
 Progress = Callable[[int, int], None]
 

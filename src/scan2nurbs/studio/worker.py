@@ -76,7 +76,7 @@ class Worker:
         except (Scan2NurbsError, MemoryError, OSError) as error:
             # The scan's folder is known; a long path would hide what is wrong.
             self.say(say="done", trouble=_sentence(error).replace(request["scan"], Path(request["scan"]).name))
-        except Exception as error:
+        except Exception as error:  # a process that died of its own fault would look to the page as if it still computed
             self.say(say="done", trouble=f"Internal error, please report it: {type(error).__name__}: {error}")
 
     def run(self, scan: Path, plan: Plan, until: Step) -> None:

@@ -60,7 +60,7 @@ def _harmonic(edges: NDArray[np.int64], n: int) -> NDArray[np.float64] | None:
     laplacian = up @ up.T + across.T @ across
     shift = 1e-3
     factor = splu((laplacian + shift * eye_array(m)).tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
-    inverse = LinearOperator((m, m), matvec=factor.solve, dtype=np.float64)  # type: ignore[call-arg]
+    inverse = LinearOperator((m, m), matvec=factor.solve, dtype=np.float64)  # type: ignore[call-arg] - the stubs know no keywords
     values, vectors = eigsh(inverse, k=2, which="LM", v0=np.cos(np.arange(m)))
     values = 1.0 / values - shift
     order = np.argsort(values)

@@ -136,7 +136,7 @@ def _radius(k: Known) -> float:
 
 
 def _size(k: Known) -> float:
-    return float(k.shape.minor if k.shape.kind == "torus" else k.shape.radius)  # type: ignore[union-attr]
+    return float(k.shape.minor if k.shape.kind == "torus" else k.shape.radius)  # type: ignore[union-attr] - by kind
 
 
 def _perpendicular(groups: list[list[Known]], floors: Floors) -> list[Candidate]:
@@ -150,7 +150,7 @@ def _perpendicular(groups: list[list[Known]], floors: Floors) -> list[Candidate]
 
 
 def _axis(k: Known) -> Floats:
-    return k.shape.direction if k.shape.kind == "plane" else k.shape.axis  # type: ignore[union-attr]
+    return k.shape.direction if k.shape.kind == "plane" else k.shape.axis  # type: ignore[union-attr] - by kind
 
 
 def _centres(lines: list[list[Known]], known: Sequence[Known], floors: Floors) -> list[Candidate]:

@@ -220,7 +220,7 @@ class _Part:
                 continue
             stride = -(-len(mine) // _POINTS)
             own = np.ascontiguousarray((points[mine[::stride]] - middle) / extent)
-            shape = recentred(scaled(fit.shape, -middle, 1.0 / extent), own.mean(axis=0))  # type: ignore[arg-type]
+            shape = recentred(scaled(fit.shape, -middle, 1.0 / extent), own.mean(axis=0))  # type: ignore[arg-type] - by kind
             sigma = max(noise, 0.01 * h, float(1.4826 * np.median(np.abs(distances(shape, own)))) * extent) / extent
             shapes.append(shape)
             members.append(Member(face, own, sigma, len(mine) / len(own)))

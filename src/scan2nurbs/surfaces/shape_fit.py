@@ -69,7 +69,7 @@ def fit_shape(
     """
     p, w = _checked(points, weights, noise)
     if kind in COLUMNS:
-        return fit_primitive(kind, p, noise=noise, normals=normals, start=start, weights=w)  # type: ignore[arg-type]
+        return fit_primitive(kind, p, noise=noise, normals=normals, start=start, weights=w)  # type: ignore[arg-type] - by kind
     if kind in ("extrusion", "revolution"):
         shape = (fit_extrusion if kind == "extrusion" else fit_revolution)(p, noise, normals)
         return _of_swept(shape, p, noise, w)
