@@ -118,14 +118,27 @@ def test_a_part_that_the_kernel_fails_to_show_is_built_all_the_same(monkeypatch)
 def test_bent_faces_are_shown_with_triangles_of_a_least_size_alone(monkeypatch):
     asked = []
 
-    def note(faces, _shape, _deflection, _angle, least):
+    def note(faces, _deflection, _angle, least):
         asked.append((sorted(faces), least is None))
         return []
 
     monkeypatch.setattr(viewed, "_lost", note)
     squares = [polygon([(x, 0), (x + 9, 0), (x + 9, 9), (x, 9)]) for x in (0, 20, 40)]
     assert unseen([(square,) for square in squares], compound(squares), bent=[1]) == []
-    assert asked == [([0, 1, 2], False), ([0, 1, 2], False), ([0, 2], True), ([0, 2], True)]
+    assert asked == [([0, 1, 2], False)] * 2 + [([0, 2], True)] * 3
+
+
+def test_a_face_that_coarse_triangles_lose_is_not_asked_for_finer_ones(monkeypatch):
+    asked = []
+
+    def lose(faces, _deflection, _angle, _least):
+        asked.append(sorted(faces))
+        return [1] if 1 in faces else []
+
+    monkeypatch.setattr(viewed, "_lost", lose)
+    squares = [polygon([(x, 0), (x + 9, 0), (x + 9, 9), (x, 9)]) for x in (0, 20, 40)]
+    assert unseen([(square,) for square in squares], compound(squares)) == [1]
+    assert asked == [[0, 1, 2]] + [[0, 2]] * 4
 
 
 def test_a_face_that_a_file_divides_and_spoils_is_found(monkeypatch):

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from scan2nurbs.brep.known import Known
 from scan2nurbs.brep.part import ModelParams, PartModel, build_part
 from scan2nurbs.errors import NoResultError
 from scan2nurbs.faces.topology import Topology, TopologyParams, find_topology
@@ -106,11 +107,12 @@ def build_from_readings(
     also have been moved off a neighbour that the relation does not know of: around what does not fit, relations are given up, in the
     last reading all of them. Before that, wider tolerances are tried, which hold from then on. Deterministic.
     """
-    best = last = Reading(build_part(points, fits, topology, scale, params, progress), topology, tuple(fits))
+    known = Known()
+    best = last = Reading(build_part(points, fits, topology, scale, params, progress, known=known), topology, tuple(fits))
     related = frozenset(f for f, fit in enumerate(fits) if fit is not unrelated[f])
     if not best.fits_together:
         params = replace(params, bearable=_WIDER * params.bearable)
-        last = replace(best, part=build_part(points, fits, topology, scale, params, progress))
+        last = replace(best, part=build_part(points, fits, topology, scale, params, progress, known=known))
         best = last if last.betters(best) else best
     for turn in range(1, READINGS):
         if best.fits_together or len(last.misfits) > _SOME:

@@ -15,11 +15,12 @@ from scan2nurbs.brep.build import build_face
 from scan2nurbs.brep.charts import Chart, SplineChart, chart_of
 from scan2nurbs.brep.check import is_valid, is_valid_meshed
 from scan2nurbs.brep.conform import mesh_surface
+from scan2nurbs.brep.crossing import borders_cross
 from scan2nurbs.brep.face import trimmed_face
 from scan2nurbs.brep.layout import unrolled
+from scan2nurbs.brep.measure import tolerance
 from scan2nurbs.brep.outline import Loop as Polyline
 from scan2nurbs.brep.shared import border_points, trim_faces
-from scan2nurbs.brep.solids import tolerance
 from scan2nurbs.brep.wide import widened
 from scan2nurbs.errors import NoResultError
 from scan2nurbs.faces.topology import Border, Loop, Topology
@@ -64,7 +65,7 @@ def trim_alone(f: int, shape: Shape, topology: Topology, h: float, scale: float)
     lone = replace(topology, borders=tuple(borders), loops=(tuple(loops),), outward=topology.outward[f : f + 1])
     for care in (0, 2):
         made = trim_faces([shape], lone, h, scale, [care] * len(borders))
-        if not made.failures and max(map(tolerance, made.faces[0]), default=0.0) <= h * scale:
+        if not made.failures and all(tolerance(face) <= h * scale and not borders_cross(face, h * scale) for face in made.faces[0]):
             return made.faces[0]
     try:
         return _outlined(widened(shape, border_points(topology, f), h), topology, f, h, scale)

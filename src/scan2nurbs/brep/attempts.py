@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from scan2nurbs.brep.borders import BorderCurve
 from scan2nurbs.brep.conform import conformed, mesh_surface, yielding
 from scan2nurbs.brep.known import Known
+from scan2nurbs.brep.measure import tolerance
 from scan2nurbs.brep.shared import SharedFaces, sphere_axis, trim_faces
-from scan2nurbs.brep.solids import tolerance
 from scan2nurbs.errors import NoResultError
 from scan2nurbs.faces.topology import Topology
 from scan2nurbs.kernels.runner import Progress
@@ -157,7 +157,7 @@ def _bent(
         loops, lines = topology.loops[f], _lines(f, topology, curves, h)
         # What could not even be made holds a pole of its surface, as a narrow torus does.
         own = unbent[f] if best.made.faces[f] or f not in best.made.failures else None
-        bend = _reaching(own, f, topology, lines, h, sphere_axis(unbent[f], loops, curves))
+        bend = _reaching(own, f, topology, lines, h, sphere_axis(unbent[f], loops, curves), known)
         if bend is not None:
             shapes[f] = bend
             bent.add(f)
@@ -169,17 +169,28 @@ def _bent(
 
 
 def _reaching(
-    shape: Any | None, f: int, topology: Topology, lines: list[NDArray[np.float64]], h: float, towards: NDArray[np.float64] | None
+    shape: Any | None,
+    f: int,
+    topology: Topology,
+    lines: list[NDArray[np.float64]],
+    h: float,
+    towards: NDArray[np.float64] | None,
+    known: Known,
 ) -> Any | None:
     """Return the surface of a face bent to its borders, or that of its part of the mesh if that cannot be; None if neither can."""
-    for surface in (lambda: shape, lambda: mesh_surface(topology, f, h)):
-        try:
-            bend = surface()
-            if bend is not None:
-                return conformed(bend, lines, h, towards)
-        except (NoResultError, ValueError):
-            continue
-    return None
+
+    def bend() -> Any | None:
+        for surface in (lambda: shape, lambda: mesh_surface(topology, f, h)):
+            try:
+                found = surface()
+                if found is not None:
+                    return conformed(found, lines, h, towards)
+            except (NoResultError, ValueError):
+                continue
+        return None
+
+    borders = (line.tobytes() for line in lines)
+    return known(("bend", f, "none" if shape is None else shape, b"" if towards is None else towards.tobytes(), *borders), bend)
 
 
 def _on_mesh(best: Attempt, topology: Topology, h: float, scale: float, bearable: float, known: Known, fine: bool) -> Attempt | None:
@@ -191,7 +202,7 @@ def _on_mesh(best: Attempt, topology: Topology, h: float, scale: float, bearable
     left = best.left(_MARGIN * bearable * h)
     shapes: dict[int, Any] = {}
     for f in sorted(left):
-        bend = _reaching(None, f, topology, _lines(f, topology, best.made.curves, h), h, None)
+        bend = _reaching(None, f, topology, _lines(f, topology, best.made.curves, h), h, None, known)
         if bend is not None:
             shapes[f] = bend
     # Those that would need too wide a tolerance stay out at a second try, for the sake of the others.

@@ -5,9 +5,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
+from scan2nurbs.brep.measure import area, volume
 from scan2nurbs.brep.occ import CONFUSION, kernel_errors, silence
 
 _MESHES = ((1e-2, 0.0, 0.5), (1e-2, 2e-3, 0.5), (2e-3, 2e-3, 0.1))
@@ -34,8 +36,7 @@ class ModelCheck:
         Whether there are faces and no free edges.
     max_tolerance : float
         The largest gap that any vertex, edge or face is allowed, in the numbers of the shape.
-    area, volume : float
-        The volume is 0 for a shape that is not closed.
+    shape : TopoDS_Shape
     """
 
     valid: bool
@@ -44,8 +45,17 @@ class ModelCheck:
     free_edges: int
     closed: bool
     max_tolerance: float
-    area: float
-    volume: float
+    shape: Any = field(repr=False)
+
+    @cached_property
+    def area(self) -> float:
+        """The area; found when it is asked for, since it takes long where surfaces are bent."""
+        return area(self.shape)
+
+    @cached_property
+    def volume(self) -> float:
+        """The volume; 0 for a shape that is not closed."""
+        return abs(volume(self.shape)) if self.closed else 0.0
 
 
 def check(shape: Any) -> ModelCheck:
@@ -57,10 +67,8 @@ def check(shape: Any) -> ModelCheck:
         If the kernel cannot even analyse it.
     """
     from OCP.BRep import BRep_Tool
-    from OCP.BRepGProp import BRepGProp
     from OCP.collections import IndexedDataMap_TopoDS_Shape_List_TopoDS_Shape_TopTools_ShapeMapHasher as EdgeMap
     from OCP.collections import IndexedMap_TopoDS_Shape_TopTools_ShapeMapHasher as ShapeMap
-    from OCP.GProp import GProp_GProps
     from OCP.ShapeAnalysis import ShapeAnalysis_ShapeTolerance
     from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE
     from OCP.TopExp import TopExp
@@ -68,7 +76,7 @@ def check(shape: Any) -> ModelCheck:
 
     silence()
     with kernel_errors("analyse the shape"):
-        valid = is_valid(shape) and is_valid_meshed(shape, every=False)
+        valid = is_sound(shape)
         faces, edges = ShapeMap(), EdgeMap()
         TopExp.MapShapes_s(shape, TopAbs_FACE, faces)
         TopExp.MapShapesAndAncestors_s(shape, TopAbs_EDGE, TopAbs_FACE, edges)
@@ -80,22 +88,21 @@ def check(shape: Any) -> ModelCheck:
             n_edges += 1
             # A seam is listed with its one face twice.
             free += edges.FindFromIndex(k).Size() < 2
-        surface_props, volume_props = GProp_GProps(), GProp_GProps()
-        BRepGProp.SurfaceProperties_s(shape, surface_props, 1e-6)
-        closed = faces.Size() > 0 and free == 0
-        if closed:
-            BRepGProp.VolumeProperties_s(shape, volume_props, 1e-6)
         tolerance = ShapeAnalysis_ShapeTolerance().Tolerance(shape, 1)
     return ModelCheck(
         valid=valid,
         n_faces=faces.Size(),
         n_edges=n_edges,
         free_edges=free,
-        closed=closed,
+        closed=faces.Size() > 0 and free == 0,
         max_tolerance=tolerance,
-        area=abs(surface_props.Mass()),
-        volume=abs(volume_props.Mass()) if closed else 0.0,
+        shape=shape,
     )
+
+
+def is_sound(shape: Any) -> bool:
+    """Return whether a shape is valid as it is, and triangulated in one way at least."""
+    return is_valid(shape) and is_valid_meshed(shape, every=False)
 
 
 def is_valid(shape: Any, *, geometry: bool = True) -> bool:

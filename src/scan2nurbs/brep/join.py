@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from scan2nurbs.brep.alone import trim_alone
-from scan2nurbs.brep.check import check, extent_of, is_valid, is_valid_meshed
+from scan2nurbs.brep.check import extent_of, is_sound, is_valid, is_valid_meshed
 from scan2nurbs.brep.endure import endures, spoilt
+from scan2nurbs.brep.measure import rough_area
 from scan2nurbs.brep.occ import KernelError
 from scan2nurbs.brep.sewn import sew
-from scan2nurbs.brep.solids import Assembled, apart, area, assemble, compound
+from scan2nurbs.brep.solids import Assembled, apart, assemble, compound
 from scan2nurbs.brep.viewed import unseen
 from scan2nurbs.errors import NoResultError
 from scan2nurbs.faces.topology import Topology
@@ -115,7 +116,7 @@ def _shown(faces: list[Pieces], how: list[str], around: Surroundings, notes: lis
         if not lost:
             break
         # Of two neighbours with a bad edge between them the narrower one is at fault.
-        worst = min(lost, key=lambda f: (sum(map(area, faces[f])), f))
+        worst = min(lost, key=lambda f: (sum(map(rough_area, faces[f])), f))
         faces[worst], how[worst] = _alone(worst, around)
         notes.append(_left(worst, around, how, "would be lost where the part is shown"))
         whole = _together(faces)
@@ -161,7 +162,7 @@ def _left(f: int, around: Surroundings, how: Sequence[str], why: str) -> str:
 
 
 def _good(whole: Assembled) -> bool:
-    return check(whole.shape).valid and endures(whole.shape)
+    return is_sound(whole.shape) and endures(whole.shape)
 
 
 def _mended(faces: list[Pieces], how: list[str], around: Surroundings, notes: list[str]) -> tuple[list[Pieces], list[str]]:

@@ -84,6 +84,16 @@ def crosses(loops: Sequence[Floats], snap: float) -> bool:
     return len(segment) > 0
 
 
+def crossings(loops: Sequence[Floats]) -> list[tuple[int, int, int, int]]:
+    """Return the pairs of segments that cross within both, each as (loop, segment, loop, segment)."""
+    start, end, label = _segments(loops)
+    i, j = _candidates(start, end, 0.0)
+    proper = _proper(start[i], end[i] - start[i], start[j], end[j] - start[j])[0]
+    first = np.concatenate([[0], np.cumsum([len(loop) for loop in loops])])
+    pairs = zip(i[proper].tolist(), j[proper].tolist(), strict=True)
+    return [(int(label[a]), int(a - first[label[a]]), int(label[b]), int(b - first[label[b]])) for a, b in pairs]
+
+
 def _segments(loops: Sequence[Floats]) -> tuple[Floats, Floats, Ints]:
     start = np.concatenate(loops)
     end = np.concatenate([np.roll(loop, -1, axis=0) for loop in loops])
@@ -127,15 +137,20 @@ def _meetings(start: Floats, end: Floats, i: Ints, j: Ints, snap: float) -> tupl
             touching = away <= snap
             segment.append(owner[touching])
             parameter.append(np.clip(t[touching], 0.0, 1.0))
+    proper, t, q = _proper(a, r, c, s)
+    segment += [i[proper], j[proper]]
+    parameter += [t[proper], q[proper]]
+    return np.concatenate(segment), np.concatenate(parameter)
+
+
+def _proper(a: Floats, r: Floats, c: Floats, s: Floats) -> tuple[NDArray[np.bool_], Floats, Floats]:
+    """Tell which segments from a by r and from c by s cross within both, and return the parameters at which they do."""
     det = r[:, 0] * s[:, 1] - r[:, 1] * s[:, 0]
     with np.errstate(divide="ignore", invalid="ignore"):
         gap = c - a
         t = (gap[:, 0] * s[:, 1] - gap[:, 1] * s[:, 0]) / det
         q = (gap[:, 0] * r[:, 1] - gap[:, 1] * r[:, 0]) / det
-    proper = (t > 0) & (t < 1) & (q > 0) & (q < 1)
-    segment += [i[proper], j[proper]]
-    parameter += [t[proper], q[proper]]
-    return np.concatenate(segment), np.concatenate(parameter)
+    return (t > 0) & (t < 1) & (q > 0) & (q < 1), t, q
 
 
 def _arrangement(loops: Sequence[Floats], snap: float) -> tuple[Floats, list[Ints]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -19,9 +20,10 @@ from scan2nurbs.brep.deviation import deviation, sample
 from scan2nurbs.brep.face import kernel_scale
 from scan2nurbs.brep.join import Surroundings, join_faces
 from scan2nurbs.brep.known import Known
+from scan2nurbs.brep.measure import area, rough_area, tolerance, volume
 from scan2nurbs.brep.occ import silence
 from scan2nurbs.brep.shared import SharedFaces
-from scan2nurbs.brep.solids import area, compound, tolerance, volume
+from scan2nurbs.brep.solids import compound
 from scan2nurbs.errors import InputError, NoResultError, ParameterError
 from scan2nurbs.faces.topology import Fitted, Topology
 from scan2nurbs.kernels.runner import Progress
@@ -131,8 +133,8 @@ class PartModel:
     valid, closed : bool
         Valid by the kernel's own analysis, triangulated, too; closed if every edge has two faces.
     n_free_edges, n_solids : int
-    volume, area, max_tolerance : float
-        In the cloud's unit, cubed and squared.
+    max_tolerance : float
+        In the cloud's unit.
     coverage, precision, rms : float
         As in `Deviation`.
     notes : tuple of str
@@ -147,13 +149,21 @@ class PartModel:
     closed: bool
     n_free_edges: int
     n_solids: int
-    volume: float
-    area: float
     max_tolerance: float
     coverage: float
     precision: float
     rms: float
     notes: tuple[str, ...]
+
+    @cached_property
+    def area(self) -> float:
+        """The area, in the cloud's unit squared; found when it is asked for, since it takes long where surfaces are bent."""
+        return area(self.shape) / self.kernel_scale**2
+
+    @cached_property
+    def volume(self) -> float:
+        """The volume, in the cloud's unit cubed; 0 for a part that is open."""
+        return abs(volume(self.shape)) / self.kernel_scale**3 if self.closed else 0.0
 
 
 def build_part(
@@ -164,6 +174,7 @@ def build_part(
     params: ModelParams | None = None,
     progress: Progress | None = None,
     *,
+    known: Known | None = None,
     fine: bool = False,
 ) -> PartModel:
     """Build the model of a part from its surfaces and from how they meet.
@@ -179,6 +190,8 @@ def build_part(
     scale : Scale
     params : ModelParams, optional
     progress : callable, optional
+    known : Known, optional
+        What was computed for this very topology and these surfaces before.
     fine : bool
         Whether each face must have fine triangles as well as coarse ones to count as trimmed: that takes longer, and now and then it
         is what keeps a face with its neighbours.
@@ -195,7 +208,7 @@ def build_part(
     factor = kernel_scale(float(np.linalg.norm(np.ptp(points, axis=0))))
     tell = progress or (lambda _done, _total: None)
     shapes = [fits[k].shape for k in topology.source]
-    trimmed, notes = trim_part(shapes, topology, scale.h, factor, params.widest, params.bearable, tell, Known(), fine)
+    trimmed, notes = trim_part(shapes, topology, scale.h, factor, params.widest, params.bearable, tell, known, fine)
     faces, how = _completed(trimmed, shapes, topology, scale.h, factor, params, notes)
     model = _model(points, trimmed.shapes, topology, trimmed.made, faces, how, scale, factor, params, notes)
     tell(ATTEMPTS, ATTEMPTS)
@@ -264,7 +277,7 @@ def _room(topology: Topology, h: float) -> Floats:
 
 
 def _size(pieces: tuple[Any, ...], factor: float) -> float:
-    return sum(map(area, pieces)) / factor**2
+    return sum(map(rough_area, pieces)) / factor**2
 
 
 def _model(
@@ -293,8 +306,6 @@ def _model(
         closed=found.closed,
         n_free_edges=whole.n_free_edges,
         n_solids=whole.n_solids,
-        volume=(abs(volume(whole.shape)) if found.closed else 0.0) / factor**3,
-        area=found.area / factor**2,
         max_tolerance=found.max_tolerance / factor,
         coverage=measured.coverage,
         precision=measured.precision,

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
+from scan2nurbs.brep.measure import volume
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ def _solids(shells: Sequence[Any]) -> list[Any]:
     from OCP.BRep import BRep_Builder
     from OCP.TopoDS import TopoDS, TopoDS_Solid
 
-    volumes = [volume(shell) for shell in shells]
+    volumes = [volume(shell, 1e-5) for shell in shells]
     outer = [k for k, v in enumerate(volumes) if v > 0]
     inner: dict[int, list[int]] = {k: [] for k in outer}
     for k in (k for k, v in enumerate(volumes) if v <= 0):
@@ -155,26 +155,6 @@ def _solids(shells: Sequence[Any]) -> list[Any]:
     return made
 
 
-def volume(shape: Any) -> float:
-    """Return the volume that the faces of a closed shape enclose, negative where they face inward."""
-    from OCP.BRepGProp import BRepGProp
-    from OCP.GProp import GProp_GProps
-
-    found = GProp_GProps()
-    BRepGProp.VolumeProperties_s(shape, found, 1e-5)
-    return float(found.Mass())
-
-
-def area(shape: Any) -> float:
-    """Return the area of a face or shape."""
-    from OCP.BRepGProp import BRepGProp
-    from OCP.GProp import GProp_GProps
-
-    found = GProp_GProps()
-    BRepGProp.SurfaceProperties_s(shape, found)
-    return abs(float(found.Mass()))
-
-
 def _contains(outer: Any, inner: Any) -> bool:
     """Return whether a vertex of one closed shell lies within another."""
     from OCP.BRep import BRep_Builder, BRep_Tool
@@ -191,10 +171,3 @@ def _contains(outer: Any, inner: Any) -> bool:
         return False
     point = BRep_Tool.Pnt_s(TopoDS.Vertex(explorer.Current()))
     return BRepClass3d_SolidClassifier(solid, point, 1e-6).State() == TopAbs_IN
-
-
-def tolerance(shape: Any) -> float:
-    """Return the largest tolerance of any vertex, edge or face."""
-    from OCP.ShapeAnalysis import ShapeAnalysis_ShapeTolerance
-
-    return float(np.float64(ShapeAnalysis_ShapeTolerance().Tolerance(shape, 1)))

@@ -9,15 +9,18 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from scan2nurbs.brep.check import is_valid
+from scan2nurbs.brep.crossing import borders_cross
+from scan2nurbs.brep.measure import rough_area
 from scan2nurbs.brep.occ import CONFUSION, kernel_errors
 from scan2nurbs.brep.solids import compound
 
-_VIEWS = ((0.002, 0.1), (0.01, 0.5))
-"""Deflection, as a share of the root of the part's area, and angle: what viewers and mesh exporters commonly take."""
+_VIEWS = ((0.01, 0.5, False), (0.002, 0.1, False), (0.002, 0.5, True), (0.002, 0.1, True), (1 / 3000, 0.1, True))
+"""Deflection, as a share of the root of the part's area, and angle: what viewers and mesh exporters commonly take. Whether triangles may be
+as small as the kernel likes, as viewers have it: then for surfaces without wrinkles only."""
 _LEAST = 5e-4
-"""Least size of triangles, as such a share."""
-_PLAIN = ((0.002, 0.1), (1 / 3000, 0.1))
-"""The same without a least size but the kernel's own, for surfaces without wrinkles: as viewers have it, and as meshes are exported."""
+"""Least size of the other triangles, as such a share."""
+_LOOP = 0.004
+"""Loops between borders that cross, shorter than such a share, vanish between triangles."""
 
 Pieces = tuple[Any, ...]
 
@@ -44,27 +47,33 @@ def unseen(faces: Sequence[Pieces], shape: Any, bent: Collection[int] = ()) -> l
     -----
     A face that can be triangulated by itself may not be where it shares edges: each is divided so that it is fine enough for both faces.
     """
-    from OCP.BRepGProp import BRepGProp
-    from OCP.GProp import GProp_GProps
-
     every = dict(enumerate(faces))
     with kernel_errors("triangulate the part"):
-        props = GProp_GProps()
-        BRepGProp.SurfaceProperties_s(shape, props, 1e-3)
-        size = max(abs(props.Mass()), CONFUSION**2) ** 0.5
-        lost = {f for deflection, angle in _VIEWS for f in _lost(every, shape, deflection * size, angle, _LEAST * size)}
-        plain = {f: pieces for f, pieces in every.items() if f not in bent and f not in lost}
-        together = compound([piece for pieces in plain.values() for piece in pieces])
-        return sorted(lost.union(f for deflection, angle in _PLAIN for f in _lost(plain, together, deflection * size, angle, None)))
+        size = max(rough_area(shape), CONFUSION**2) ** 0.5
+        lost = {f for f, pieces in every.items() if any(_is_tangled(piece, _LOOP * size) for piece in pieces)}
+        for deflection, angle, small in _VIEWS:
+            # What is lost in coarse triangles is not asked for fine ones, which may take the kernel minutes then.
+            shown = {f: pieces for f, pieces in every.items() if f not in lost and not (small and f in bent)}
+            lost.update(_lost(shown, deflection * size, angle, None if small else _LEAST * size))
+        return sorted(lost)
 
 
-def _lost(faces: Mapping[int, Pieces], shape: Any, deflection: float, angle: float, least: float | None) -> list[int]:
-    """Return the faces that one triangulation of a shape loses or spoils."""
+def _is_tangled(face: Any, least: float) -> bool:
+    """Tell whether the borders of a face on a B-spline surface cross: for those the kernel may refine triangles for minutes."""
+    from OCP.BRepAdaptor import BRepAdaptor_Surface
+    from OCP.GeomAbs import GeomAbs_BSplineSurface
+
+    return BRepAdaptor_Surface(face).GetType() == GeomAbs_BSplineSurface and borders_cross(face, least)
+
+
+def _lost(faces: Mapping[int, Pieces], deflection: float, angle: float, least: float | None) -> list[int]:
+    """Return the faces that one triangulation of all of them together loses or spoils."""
     from OCP.BRepBuilderAPI import BRepBuilderAPI_Copy
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
     from OCP.IMeshTools import IMeshTools_Parameters
 
-    copied, how = BRepBuilderAPI_Copy(shape), IMeshTools_Parameters()
+    together = compound([piece for pieces in faces.values() for piece in pieces])
+    copied, how = BRepBuilderAPI_Copy(together), IMeshTools_Parameters()
     how.Deflection, how.Angle, how.InParallel = max(deflection, CONFUSION), angle, False
     if least is not None:
         how.MinSize = max(least, CONFUSION)

@@ -1,0 +1,52 @@
+"""Area, volume and tolerances of shapes."""
+
+# The kernel's modules are filled when they are imported; a type checker sees them empty.
+# pyright: reportAttributeAccessIssue=false
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from scan2nurbs.brep.occ import kernel_errors
+
+
+def area(shape: Any, accuracy: float = 1e-6) -> float:
+    """Return the area of a shape, to a relative accuracy; it may take a second where surfaces are bent."""
+    from OCP.BRepGProp import BRepGProp
+    from OCP.GProp import GProp_GProps
+
+    found = GProp_GProps()
+    with kernel_errors("measure the shape"):
+        BRepGProp.SurfaceProperties_s(shape, found, accuracy)
+    return abs(float(found.Mass()))
+
+
+def rough_area(shape: Any) -> float:
+    """Return the area of a shape at once, and to about a hundredth of it."""
+    from OCP.BRepGProp import BRepGProp
+    from OCP.GProp import GProp_GProps
+
+    found = GProp_GProps()
+    with kernel_errors("measure the shape"):
+        BRepGProp.SurfaceProperties_s(shape, found)
+    return abs(float(found.Mass()))
+
+
+def volume(shape: Any, accuracy: float = 1e-6) -> float:
+    """Return the volume that the faces of a closed shape enclose, negative where they face inward, to a relative accuracy."""
+    from OCP.BRepGProp import BRepGProp
+    from OCP.GProp import GProp_GProps
+
+    found = GProp_GProps()
+    with kernel_errors("measure the shape"):
+        BRepGProp.VolumeProperties_s(shape, found, accuracy)
+    return float(found.Mass())
+
+
+def tolerance(shape: Any) -> float:
+    """Return the largest tolerance of any vertex, edge or face."""
+    from OCP.ShapeAnalysis import ShapeAnalysis_ShapeTolerance
+
+    return float(np.float64(ShapeAnalysis_ShapeTolerance().Tolerance(shape, 1)))
