@@ -72,9 +72,12 @@ def test_there_are_so_many_readings_and_no_more(monkeypatch):
     whole = build_part(points, fits, find_topology(points, label, fits, scale), scale)
     one_apart = replace(whole, closed=False, n_free_edges=3, faces=(replace(whole.faces[0], trimmed="alone"), *whole.faces[1:]))
     counted = []
-    monkeypatch.setattr(
-        part_readings, "build_part", lambda *given, known, fine=False: counted.append((given[4].bearable, fine)) or one_apart
-    )
+
+    def build(*given, known=None, fine=False):
+        counted.append((given[4].bearable, fine))
+        return one_apart
+
+    monkeypatch.setattr(part_readings, "build_part", build)
     assert not read(points, label, fits, fits, scale).part.closed
     assert counted == [(0.5, False), (1.0, False), *[(1.0, True)] * (READINGS - 1)]
 
