@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from heapq import heappop, heappush
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ def charts(
     fits: tuple[ShapeFit, ...],
     group: list[int],
     smooth: list[Contact],
+    turns: Turns,
     widest: float,
 ) -> list[list[int]]:
     """Gather pieces of one smooth surface into few charts, the longest common borders first.
@@ -33,6 +35,7 @@ def charts(
         Labels of the pieces.
     smooth : list of Contact
         The borders between them.
+    turns : Turns
     widest : float
         Degrees by which normals of a chart may lean away from their mean.
 
@@ -41,7 +44,7 @@ def charts(
     list of list of int
         Labels of each chart, rising.
     """
-    sides = _sides(points, fits, group, smooth)
+    sides, _ = turns.sides(group)
     gathered = {m: sides[m] * fits[m].shape.normal(points[label == m]) for m in group}
     chart = {m: m for m in group}
     while True:
@@ -69,23 +72,50 @@ def _is_sheet(normals: NDArray[np.float64], widest: float) -> bool:
     return float(np.mean(normals @ (mean / length) < np.cos(np.radians(widest)))) <= LEANING
 
 
-def _sides(points: NDArray[np.float64], fits: tuple[ShapeFit, ...], group: list[int], smooth: list[Contact]) -> dict[int, float]:
-    """Return the sign that turns each piece's normals to one side of the surface, from neighbour to neighbour."""
-    beside: dict[int, list[tuple[int, int, float]]] = {m: [] for m in group}
-    for contact in smooth:
-        a, b = contact.pair
-        place = points[np.concatenate(contact.sides)]
-        sign = float(np.sign(np.einsum("ij,ij->i", fits[a].shape.normal(place), fits[b].shape.normal(place)).sum()) or 1.0)
-        beside[a].append((-len(place), b, sign))
-        beside[b].append((-len(place), a, sign))
-    sides: dict[int, float] = {}
-    for start in group:
-        # The longest borders first: short ones may lead around an edge.
-        waiting = [] if start in sides else [(0, start, 1.0)]
-        while waiting:
-            _, m, sign = heappop(waiting)
-            if m not in sides:
-                sides[m] = sign
-                for length, other, turn in beside[m]:
-                    heappush(waiting, (length, other, sign * turn))
-    return sides
+@dataclass(frozen=True)
+class Turns:
+    """How the normals of neighbouring pieces stand to each other.
+
+    Attributes
+    ----------
+    borders : tuple of (int, int, int, float)
+        Two labels, how many points their border has, and whether normals of both point to the same side of the surface (1) or not (−1).
+        The longest first.
+    """
+
+    borders: tuple[tuple[int, int, int, float], ...]
+
+    def sides(self, group: Collection[int]) -> tuple[dict[int, float], set[tuple[int, int]]]:
+        """Return the sign that turns each piece's normals to one side of the surface, and the borders where they do not agree.
+
+        Signs go from neighbour to neighbour by the longest borders (Kruskal's algorithm): short ones may lead around an edge.
+        """
+        parent = {m: (m, 1.0) for m in group}
+
+        def root(m: int) -> tuple[int, float]:
+            sign = 1.0
+            while parent[m][0] != m:
+                m, sign = parent[m][0], sign * parent[m][1]
+            return m, sign
+
+        against = set[tuple[int, int]]()
+        for a, b, _, same in self.borders:
+            if a in parent and b in parent:
+                (top, sign_a), (other, sign_b) = root(a), root(b)
+                if top != other:
+                    parent[other] = (top, sign_a * sign_b * same)
+                elif sign_a * sign_b * same < 0:
+                    against.add((a, b))
+        return {m: root(m)[1] for m in group}, against
+
+
+def turns_of(points: NDArray[np.float64], fits: tuple[ShapeFit, ...], smooth: Sequence[Contact], back: Sequence[Contact]) -> Turns:
+    """Compare normals along borders where pieces meet smoothly, and along those where they turn back as at the edge of a blade."""
+    borders = []
+    for contacts, same in ((smooth, 1.0), (back, -1.0)):
+        for contact in contacts:
+            a, b = contact.pair
+            place = points[np.concatenate(contact.sides)]
+            sign = float(np.sign(np.einsum("ij,ij->i", fits[a].shape.normal(place), fits[b].shape.normal(place)).sum()) or 1.0)
+            borders.append((a, b, len(place), same * sign))
+    return Turns(tuple(sorted(borders, key=lambda border: (-border[2], border[:2]))))

@@ -98,11 +98,23 @@ def smooth_contacts(
     scale: Scale,
     turn: float = SMOOTH,
 ) -> tuple[Contact, ...]:
-    """Return the contacts along half of which the surfaces turn by less than `turn` degrees.
+    """Return the contacts along half of which the surfaces turn by less than `turn` degrees, see `parted_contacts`."""
+    return parted_contacts(points, label, contacts, fits, scale, turn)[0]
 
-    The two sides of a thin wall do not meet, nor do those of a blade.
+
+def parted_contacts(
+    points: NDArray[np.float64],
+    label: NDArray[np.int32],
+    contacts: Contacts,
+    fits: tuple[ShapeFit, ...],
+    scale: Scale,
+    turn: float = SMOOTH,
+) -> tuple[tuple[Contact, ...], tuple[Contact, ...]]:
+    """Return the contacts along half of which the surfaces turn by less than `turn` degrees, and those where they turn back.
+
+    The two sides of a thin wall do not meet. Those of a blade do, but turn by nearly half a turn: lines of normals cannot tell.
     """
-    out = []
+    smooth, back = [], []
     for contact in contacts.found:
         a, b = contact.pair
         rows = np.concatenate(contact.sides)
@@ -113,9 +125,9 @@ def smooth_contacts(
         if np.median(dot) <= np.cos(np.radians(turn)):
             continue
         apart = np.maximum(np.abs(fits[a].shape.distance(place)), np.abs(fits[b].shape.distance(place)))
-        if np.median(apart) < MEETING * scale.h + 3.0 * scale.noise and not _turns_back(points, contacts, contact, label):
-            out.append(contact)
-    return tuple(out)
+        if np.median(apart) < MEETING * scale.h + 3.0 * scale.noise:
+            (back if _turns_back(points, contacts, contact, label) else smooth).append(contact)
+    return tuple(smooth), tuple(back)
 
 
 def _turns_back(points: NDArray[np.float64], contacts: Contacts, contact: Contact, label: NDArray[np.int32]) -> bool:

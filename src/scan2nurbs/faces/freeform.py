@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scan2nurbs.errors import InputError, NoResultError
-from scan2nurbs.faces.charts import charts
+from scan2nurbs.faces.charts import Turns, charts, turns_of
 from scan2nurbs.faces.compete import MODEL_COST
-from scan2nurbs.faces.contacts import Contact, Contacts, face_contacts, smooth_contacts
+from scan2nurbs.faces.contacts import Contact, Contacts, face_contacts, parted_contacts, smooth_contacts
 from scan2nurbs.scale import Scale
 from scan2nurbs.surfaces.explain import study
 from scan2nurbs.surfaces.relations import doubt_tangency
@@ -21,6 +21,8 @@ from scan2nurbs.surfaces.shape_parameters import COLUMNS
 
 BAND = 4
 """Rings of neighbours from a border over which a surface runs on."""
+THIN = 3
+"""Rings of neighbours from the edge of a blade in which points may have the label of its other side."""
 CERTAIN = 4.0
 """Doubt beyond which neighbours are not tangent, even if stray points spoil small ones."""
 RUNS_ON = 2.0
@@ -60,6 +62,8 @@ class Pieces:
         As lines; NaN where unknown.
     label : (N,) int32
     fits : tuple of ShapeFit
+    clear : (N,) bool
+        Points that tell to which piece they belong, see `_clear`.
     by_edges : bool
         Whether points on creases had a say; where not, any others would have given the same.
     """
@@ -68,6 +72,7 @@ class Pieces:
     normals: NDArray[np.float64]
     label: NDArray[np.int32]
     fits: tuple[ShapeFit, ...]
+    clear: NDArray[np.bool_] | None = None
     by_edges: bool = False
 
 
@@ -98,7 +103,7 @@ def join_freeform(pieces: Pieces, on_edge: NDArray[np.bool_], scale: Scale, nois
     charts.
     """
     contacts = face_contacts(pieces.label, scale)
-    bent = smooth_contacts(pieces.points, pieces.label, contacts, pieces.fits, scale, KINK)
+    bent, back = parted_contacts(pieces.points, pieces.label, contacts, pieces.fits, scale, KINK)
     smooth = smooth_contacts(pieces.points, pieces.label, replace(contacts, found=bent), pieces.fits, scale)
     doubts = doubt_tangency(pieces.points, pieces.label, pieces.fits, [c.pair for c in smooth], noise=max(noise, 0.01 * scale.h), h=scale.h)
     least = max(noise, LEAST_DEVIATION * scale.h)
@@ -109,13 +114,25 @@ def join_freeform(pieces: Pieces, on_edge: NDArray[np.bool_], scale: Scale, nois
     doubted = {c.pair: c.pair in run_on for c in bent if doubts.get(c.pair, np.inf) > 1.0}
     parent = _continued(pieces, doubted, [pair for pair in sorted(run_on) if doubts[pair] > CERTAIN])
     parent = _absorbed(pieces, contacts, smooth, parent, least)
+    turns = turns_of(pieces.points, pieces.fits, bent, back)
     label, fits = pieces.label.copy(), list(pieces.fits)
     for group in _groups(parent):
         within = [c for c in bent if c.pair[0] in group and c.pair[1] in group]
-        for members, fit in _fitted(pieces, group, within, _beside(group, doubted, parent), kinds, noise):
+        _, against = turns.sides(group)
+        thin = [*back, *(c for c in within if c.pair in against)]
+        telling = replace(pieces, clear=_clear(pieces, contacts, thin))
+        for members, fit in _fitted(telling, group, within, turns, _beside(group, doubted, parent), kinds, noise):
             label[np.isin(label, members)] = members[0]
             fits[members[0]] = fit
     return replace(pieces, label=label, fits=tuple(fits), by_edges=by_edges)
+
+
+def _clear(pieces: Pieces, contacts: Contacts, thin: Sequence[Contact]) -> NDArray[np.bool_]:
+    """Tell which points lie away from the edges of blades: some there have the label of the other side, and every map of them folds."""
+    clear = np.ones(len(pieces.points), np.bool_)
+    for side in (side for contact in thin for side in contact.sides if len(side)):
+        clear[contacts.band(side, pieces.label, THIN)] = False
+    return clear
 
 
 def _creased(pieces: Pieces, contact: Contact, on_edge: NDArray[np.bool_], h: float) -> bool:
@@ -199,7 +216,7 @@ def _groups(parent: NDArray[np.int64]) -> list[list[int]]:
 
 
 def _fitted(
-    pieces: Pieces, group: list[int], smooth: list[Contact], beside: list[int], kinds: Sequence[Kind], noise: float
+    pieces: Pieces, group: list[int], smooth: list[Contact], turns: Turns, beside: list[int], kinds: Sequence[Kind], noise: float
 ) -> list[tuple[list[int], ShapeFit]]:
     """Return the charts of a group with their fits: the whole of it if that pays, else as few as do; what stays as it is, is left out."""
     whole = _fit(pieces, group, kinds, noise)
@@ -210,7 +227,7 @@ def _fitted(
         failed = []
         for part in left:
             among = [c for c in smooth if c.pair[0] in part and c.pair[1] in part]
-            for chart in charts(pieces.points, pieces.label, pieces.fits, part, among, widest):
+            for chart in charts(pieces.points, pieces.label, pieces.fits, part, among, turns, widest):
                 fit = _fit(pieces, chart, kinds, noise) if 1 < len(chart) < len(group) else None
                 if fit is not None:
                     found.append((chart, fit))
@@ -246,7 +263,9 @@ def _price(pieces: Pieces, members: list[int], fit: ShapeFit) -> float:
 
 def _fit(pieces: Pieces, members: list[int], kinds: Sequence[Kind], noise: float) -> ShapeFit | None:
     """Return the one surface of some pieces, or None where it does not explain the points or is the longer description."""
-    mine = np.flatnonzero(np.isin(pieces.label, members))
+    mine = np.flatnonzero(np.isin(pieces.label, members) & (True if pieces.clear is None else pieces.clear))
+    if not len(mine):
+        return None
     p, own = pieces.points[mine], pieces.label[mine]
     d = np.empty(len(mine))
     for m in members:
