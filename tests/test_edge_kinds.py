@@ -14,7 +14,7 @@ from scan2nurbs.edges.border import find_borders
 from scan2nurbs.edges.kinds import BORDER, CONCAVE, CONVEX, CORNER
 from scan2nurbs.edges.orient import Creases, orient_normals
 from scan2nurbs.kernels.cells import build_cells
-from scan2nurbs.kernels.flood import flood_signs
+from scan2nurbs.kernels.flood import between_components, flood_signs
 from scan2nurbs.kernels.nearest import nearest_neighbours
 from scan2nurbs.kernels.openness import openness
 from scan2nurbs.kernels.wedge_sides import wedge_sides
@@ -147,3 +147,9 @@ def test_openness_is_high_at_a_border_and_low_inside_and_at_a_crease():
     borders = find_borders(cells, normals, 1.0, 0.0)
     assert not borders.mask[inner & (depth < 3)].any()
     assert borders.outline[at_end].mean() > 0.9
+
+
+def test_points_beside_another_component_are_found():
+    component = np.array([0, 0, 0, 1, 1, -1, 2], np.int32)
+    neighbours = np.array([[1, -1], [0, 2], [1, 3], [4, 2], [3, 5], [4, 6], [5, -1]], np.int32)
+    assert between_components(component, neighbours).tolist() == [2, 3]

@@ -13,11 +13,12 @@ from scan2nurbs.kernels.differences import normal_differences, normals_differ
 from scan2nurbs.kernels.distinct import distinct_rows
 from scan2nurbs.kernels.graph import basins
 from scan2nurbs.kernels.moments import ball_planes
-from scan2nurbs.kernels.nearest import nearest_distance, nearest_neighbours, nearest_to
+from scan2nurbs.kernels.nearest import nearest_distance, nearest_indices, nearest_kth, nearest_neighbours, nearest_to
 from scan2nurbs.kernels.one_sided import one_sided_planes
 from scan2nurbs.kernels.runner import set_threads
 from scan2nurbs.kernels.sorting import radix_argsort
 from scan2nurbs.kernels.symmetric3 import line_angles
+from scan2nurbs.kernels.within import within_reach
 
 
 def wavy(n: int, seed: int = 0, noise: float = 0.02) -> np.ndarray:
@@ -75,6 +76,21 @@ def test_nearest_neighbours_equal_a_tree_s(points, k):
     own = np.repeat(np.arange(len(points))[:, None], k, axis=1)
     assert not np.any(index[there] == own[there])
     np.testing.assert_allclose(np.linalg.norm(cells.points[index] - cells.points[:, None], axis=2)[there], distance[there], rtol=1e-9)
+    for reach in (None, 1e-3 * cells.size, 10.0 * cells.size):
+        assert np.array_equal(nearest_indices(cells, k, reach=reach), index)
+        assert np.array_equal(nearest_kth(cells, k, reach=reach), distance[:, -1])
+
+
+@given(clouds, st.integers(0, 2**32 - 1), st.floats(0.0, 4.0))
+def test_points_near_some_equal_a_tree_s(points, seed, factor):
+    reach = factor * np.ptp(points, axis=0).max() / np.sqrt(len(points))
+    cells = build_cells(points, 2.0 * np.ptp(points, axis=0).max() / np.sqrt(len(points)))
+    rng = np.random.default_rng(seed)
+    mask = rng.random(len(points)) < rng.choice([0.0, 0.05, 1.0])
+    expected = mask.copy()
+    if mask.any():
+        expected |= np.linalg.norm(cells.points[:, None] - cells.points[mask], axis=2).min(axis=1) < reach
+    assert np.array_equal(within_reach(cells, mask, reach), expected)
 
 
 def test_nearest_to_finds_far_places_and_outliers():

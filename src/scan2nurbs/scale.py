@@ -13,7 +13,7 @@ from scipy.special import gammaincinv
 
 from scan2nurbs.errors import NoResultError
 from scan2nurbs.kernels.cells import POINTS_PER_CELL, Cells, build_cells
-from scan2nurbs.kernels.nearest import nearest_distance, nearest_neighbours, nearest_to
+from scan2nurbs.kernels.nearest import nearest_distance, nearest_kth, nearest_to
 from scan2nurbs.kernels.runner import Progress
 
 NEIGHBOUR = 12
@@ -61,7 +61,7 @@ class Scale:
         cells = self.cells
         k = min(NEIGHBOUR, len(cells.points) - 1)
         distance = np.empty(len(cells.points))
-        distance[cells.order] = nearest_neighbours(cells, k, reach=self.h * math.sqrt(k / 2))[1][:, k - 1]
+        distance[cells.order] = nearest_kth(cells, k, reach=1.2 * self.h * math.sqrt(k / 2))
         return distance * math.sqrt(math.pi / k)
 
 

@@ -13,9 +13,10 @@ from scan2nurbs.edges.detect import Edges
 from scan2nurbs.edges.orient import Creases, Orientation, orient_normals
 from scan2nurbs.kernels.cells import Cells, unsorted
 from scan2nurbs.kernels.creases import fit_wedges
-from scan2nurbs.kernels.nearest import nearest_neighbours
+from scan2nurbs.kernels.nearest import nearest_indices
 from scan2nurbs.kernels.runner import Progress
 from scan2nurbs.kernels.thickness import thickness
+from scan2nurbs.kernels.within import within_reach
 from scan2nurbs.scale import Scale
 
 NONE, CONVEX, CONCAVE, BORDER, CORNER = range(5)
@@ -121,7 +122,7 @@ def _oriented(
 ) -> Orientation:
     """Orient the normals by those that are of one face for sure."""
     cells = scale.cells
-    neighbours, _ = nearest_neighbours(cells, min(NEIGHBOURS, len(normal) - 1), progress=progress)
+    neighbours = nearest_indices(cells, min(NEIGHBOURS, len(normal) - 1), reach=2.5 * scale.h, progress=progress)
     return orient_normals(cells, normal, neighbours, doubtful | _thick(cells, normal, neighbours, scale), creases, scale.noise)
 
 
@@ -134,10 +135,7 @@ def _thick(cells: Cells, normal: NDArray[np.float64], neighbours: NDArray[np.int
 
 def _beside(cells: Cells, mask: NDArray[np.bool_], scale: Scale) -> NDArray[np.bool_]:
     """Tell which points lie near some of them."""
-    if not mask.any():
-        return mask
-    reach = BESIDE * scale.h + scale.noise
-    return np.isfinite(KDTree(cells.points[mask]).query(cells.points, distance_upper_bound=reach)[0])
+    return within_reach(cells, mask, BESIDE * scale.h + scale.noise)
 
 
 def _creases(scale: Scale, rows: NDArray[np.int64]) -> tuple[Creases, NDArray[np.bool_]]:

@@ -11,7 +11,7 @@ from scipy.sparse import coo_array, csr_array, issparse
 from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
 
 from scan2nurbs.kernels.cells import Cells
-from scan2nurbs.kernels.flood import flood_signs
+from scan2nurbs.kernels.flood import between_components, flood_signs
 from scan2nurbs.kernels.outermost import outward_signs
 from scan2nurbs.kernels.wedge_sides import WedgeSides, wedge_sides
 
@@ -106,14 +106,15 @@ def _votes(
 ) -> csr_array:
     """Sum what links and creases say about the signs of two components: positive where they agree."""
     rows, columns, values = [], [], []
-    for k in range(neighbours.shape[1]):
-        there = neighbours[:, k]
-        loose = np.flatnonzero((there >= 0) & (component >= 0) & (component[there] >= 0) & (component != component[there]))
-        cosine = np.einsum("nc,nc->n", normals[loose], normals[there[loose]])
-        loose, cosine = loose[np.abs(cosine) > LOOSE], cosine[np.abs(cosine) > LOOSE]
-        rows.append(component[loose])
+    between = between_components(component, neighbours)
+    for beside in neighbours[between].T:
+        across = (beside >= 0) & (component[beside] >= 0) & (component[between] != component[beside])
+        here, there = between[across], beside[across]
+        cosine = np.einsum("nc,nc->n", normals[here], normals[there])
+        loose = np.abs(cosine) > LOOSE
+        rows.append(component[here[loose]])
         columns.append(component[there[loose]])
-        values.append(cosine)
+        values.append(cosine[loose])
     a, b = sides.component.T
     both = (a >= 0) & (b >= 0) & (a != b)
     rows.append(a[both])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from scan2nurbs.kernels.runner import kernel
+from scan2nurbs.kernels.runner import kernel, run_ranges
 
 
 def flood_signs(
@@ -40,6 +40,22 @@ def flood_signs(
     component, sign = np.full(n, -1, np.int32), np.zeros(n, np.int8)
     _flood_signs(neighbours, normals, member, float(cosine), component, sign)
     return component, sign
+
+
+def between_components(component: NDArray[np.int32], neighbours: NDArray[np.int32]) -> NDArray[np.int64]:
+    """Return the points, rising, of which a neighbour belongs to another component."""
+    found = np.zeros(len(component), np.bool_)
+    run_ranges(lambda start, stop: _between(component, neighbours, start, stop, found), len(component), size=1 << 14)
+    return np.flatnonzero(found)
+
+
+@kernel
+def _between(component, neighbours, start, stop, found):
+    for i in range(start, stop):
+        for a in range(neighbours.shape[1]):
+            j = neighbours[i, a]
+            if component[i] >= 0 and j >= 0 and component[j] >= 0 and component[j] != component[i]:
+                found[i] = True
 
 
 @kernel

@@ -36,16 +36,45 @@ def nearest_neighbours(
         Their distances; infinite where there is none.
     """
     n = len(cells.points)
-    index = np.full((n, k), -1, np.int32)
-    distance = np.full((n, k), np.inf)
+    index, distance = np.empty((n, k), np.int32), np.empty((n, k))
+    _search(cells, k, reach, index, distance, _NO_LAST, progress)
+    return index, distance
+
+
+def nearest_indices(cells: Cells, k: int, *, reach: float | None = None, progress: Progress | None = None) -> NDArray[np.int32]:
+    """Find the k nearest other points of every point, but not how far they are; see `nearest_neighbours`."""
+    index = np.empty((len(cells.points), k), np.int32)
+    _search(cells, k, reach, index, _NO_DISTANCE, _NO_LAST, progress)
+    return index
+
+
+def nearest_kth(cells: Cells, k: int, *, reach: float | None = None, progress: Progress | None = None) -> NDArray[np.float64]:
+    """Find how far the k-th nearest other point of every point is, (N,) float64; infinite where the cloud has no more points."""
+    last = np.empty(len(cells.points))
+    _search(cells, k, reach, _NO_INDEX, _NO_DISTANCE, last, progress)
+    return last
+
+
+_NO_INDEX, _NO_DISTANCE, _NO_LAST = np.empty((0, 1), np.int32), np.empty((0, 1)), np.empty(0)
+
+
+def _search(
+    cells: Cells,
+    k: int,
+    reach: float | None,
+    index: NDArray[np.int32],
+    distance: NDArray[np.float64],
+    last: NDArray[np.float64],
+    progress: Progress | None,
+) -> None:
+    """Fill those of the arrays that are not empty."""
     start_reach = float(reach) if reach else 0.5 * cells.size
     run_ranges(
-        lambda start, stop: _nearest(cells, start_reach, start, stop, index, distance),
+        lambda start, stop: _nearest(cells, start_reach, start, stop, k, index, distance, last),
         len(cells.cell_key),
         size=CELLS_PER_RANGE,
         progress=progress,
     )
-    return index, distance
 
 
 def nearest_distance(cells: Cells, *, reach: float, progress: Progress | None = None) -> NDArray[np.float64]:
@@ -121,24 +150,29 @@ def _least_square(x, y, z, n, px, py, pz):
 
 
 @kernel
-def _nearest(cells, start_reach, start, stop, index, distance):
-    points, n_all, k = cells.points, len(cells.points), index.shape[1]
+def _nearest(cells, start_reach, start, stop, k, index, distance, last):
+    points, n_all = cells.points, len(cells.points)
     low, high = np.empty(3), np.empty(3)
     box_low, box_high = np.empty(3), np.empty(3)
     runs = np.empty((64, 2), np.int64)
-    indices = np.empty(1024, np.int64)
+    indices, kept = np.empty(1024, np.int64), np.empty(1024, np.int64)
     x, y, z, square = np.empty(1024), np.empty(1024), np.empty(1024), np.empty(1024)
+    near, far, done = np.empty(k, np.int32), np.empty(k), np.empty(1024, np.bool_)
+    within = np.inf
     for cell in range(start, stop):
         first, end = cells.cell_start[cell], cells.cell_start[cell + 1]
         bounds(points, first, end, low, high)
         reach, left = start_reach, end - first
+        if left > len(done):
+            done = np.empty(2 * left, np.bool_)
+        done[:left] = False
         while left > 0:
             for a in range(3):
                 box_low[a] = low[a] - reach
                 box_high[a] = high[a] + reach
             runs, n_runs, room = runs_in_box(cells, box_low, box_high, runs)
             if room > len(indices):
-                indices = np.empty(2 * room, np.int64)
+                indices, kept = np.empty(2 * room, np.int64), np.empty(2 * room, np.int64)
                 x, y, z, square = np.empty(2 * room), np.empty(2 * room), np.empty(2 * room), np.empty(2 * room)
             n = points_in_box(points, runs, n_runs, box_low, box_high, indices)
             if n <= k and n < n_all:
@@ -147,48 +181,69 @@ def _nearest(cells, start_reach, start, stop, index, distance):
             for j in range(n):
                 i = indices[j]
                 x[j], y[j], z[j] = points[i, 0], points[i, 1], points[i, 2]
+            # Beyond the reach a nearer point may lie outside the box: such a list does not count.
             bound = reach * reach if n < n_all else np.inf
             left = 0
             for i in range(first, end):
-                if index[i, k - 1] >= 0:
+                if done[i - first]:
                     continue
-                found = _k_least(x, y, z, n, points[i, 0], points[i, 1], points[i, 2], i, i, indices, square, index, distance)
-                # Beyond the reach a nearer point may lie outside the box: such a list does not count yet.
-                if distance[i, k - 1] > bound and n < n_all:
-                    index[i, k - 1] = -1
+                _k_least(x, y, z, n, points[i, 0], points[i, 1], points[i, 2], i, indices, square, kept, within, near, far)
+                if far[k - 1] > bound:
                     left += 1
-                else:
-                    for a in range(found):
-                        distance[i, a] = np.sqrt(distance[i, a])
+                    continue
+                done[i - first] = True
+                within = 2.0 * far[k - 1]  # the next point's neighbours are hardly farther
+                _keep(i, near, far, index, distance, last)
             reach *= 2.0
 
 
+@inlined
+def _keep(row, near, far, index, distance, last):
+    if len(index):
+        index[row, :] = near
+    if len(distance):
+        distance[row, :] = np.sqrt(far)
+    if len(last):
+        last[row] = np.sqrt(far[-1])
+
+
 @kernel
-def _k_least(x, y, z, n, px, py, pz, row, leave_out, indices, square, index, distance):
-    """Write the candidates nearest to p, but for one, and their squared distances into a row; return how many there are."""
-    k = index.shape[1]
+def _k_least(x, y, z, n, px, py, pz, leave_out, indices, square, kept, within, near, far):
+    """Find the candidates nearest to p, but for one: their indices and squared distances.
+
+    Those within a guess are picked out first, without a branch: of the many others none needs to be compared with the nearest so far.
+    """
+    k = len(near)
     for j in range(n):
         dx, dy, dz = x[j] - px, y[j] - py, z[j] - pz
         square[j] = dx * dx + dy * dy + dz * dz
+    m = 0
+    for j in range(n):
+        kept[m] = j
+        m += square[j] <= within
+    if m <= k:
+        m = n
+        for j in range(n):
+            kept[j] = j
     for a in range(k):
-        distance[row, a] = np.inf
-        index[row, a] = -1
+        far[a] = np.inf
+        near[a] = -1
     found = 0
     worst = np.inf
-    for j in range(n):
+    for c in range(m):
+        j = kept[c]
         if square[j] >= worst or indices[j] == leave_out:
             continue
         a = min(found, k - 1)
-        while a > 0 and distance[row, a - 1] > square[j]:
-            distance[row, a] = distance[row, a - 1]
-            index[row, a] = index[row, a - 1]
+        while a > 0 and far[a - 1] > square[j]:
+            far[a] = far[a - 1]
+            near[a] = near[a - 1]
             a -= 1
-        distance[row, a] = square[j]
-        index[row, a] = np.int32(indices[j])
+        far[a] = square[j]
+        near[a] = np.int32(indices[j])
         found = min(found + 1, k)
         if found == k:
-            worst = distance[row, k - 1]
-    return found
+            worst = far[k - 1]
 
 
 def nearest_to(cells: Cells, queries: NDArray[np.float64], k: int) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
@@ -210,8 +265,7 @@ def nearest_to(cells: Cells, queries: NDArray[np.float64], k: int) -> tuple[NDAr
     distance : (Q, k) float64
         Their distances; infinite where there is none.
     """
-    index = np.full((len(queries), k), -1, np.int32)
-    distance = np.full((len(queries), k), np.inf)
+    index, distance = np.empty((len(queries), k), np.int32), np.empty((len(queries), k))
     queries = np.ascontiguousarray(queries)  # one compilation serves all
     run_ranges(lambda start, stop: _nearest_to(cells, queries, start, stop, index, distance), len(queries), size=64)
     return index, distance
@@ -222,8 +276,9 @@ def _nearest_to(cells, queries, start, stop, index, distance):
     points, n_all, k = cells.points, len(cells.points), index.shape[1]
     low, high = np.empty(3), np.empty(3)
     runs = np.empty((64, 2), np.int64)
-    indices = np.empty(1024, np.int64)
+    indices, kept = np.empty(1024, np.int64), np.empty(1024, np.int64)
     x, y, z, square = np.empty(1024), np.empty(1024), np.empty(1024), np.empty(1024)
+    near, far = np.empty(k, np.int32), np.empty(k)
     for q in range(start, stop):
         reach, done = 0.5 * cells.size, False
         while not done:
@@ -231,16 +286,16 @@ def _nearest_to(cells, queries, start, stop, index, distance):
                 low[a], high[a] = queries[q, a] - reach, queries[q, a] + reach
             runs, n_runs, room = runs_in_box(cells, low, high, runs)
             if room > len(indices):
-                indices = np.empty(2 * room, np.int64)
+                indices, kept = np.empty(2 * room, np.int64), np.empty(2 * room, np.int64)
                 x, y, z, square = np.empty(2 * room), np.empty(2 * room), np.empty(2 * room), np.empty(2 * room)
             n = points_in_box(points, runs, n_runs, low, high, indices)
             if n >= k or n == n_all:
                 for j in range(n):
                     i = indices[j]
                     x[j], y[j], z[j] = points[i, 0], points[i, 1], points[i, 2]
-                found = _k_least(x, y, z, n, queries[q, 0], queries[q, 1], queries[q, 2], q, -1, indices, square, index, distance)
-                if n == n_all or distance[q, k - 1] <= reach * reach:
+                _k_least(x, y, z, n, queries[q, 0], queries[q, 1], queries[q, 2], -1, indices, square, kept, reach * reach, near, far)
+                if n == n_all or far[k - 1] <= reach * reach:
                     done = True
-                    for a in range(found):
-                        distance[q, a] = np.sqrt(distance[q, a])
+                    index[q, :] = near
+                    distance[q, :] = np.sqrt(far)
             reach *= 2.0
