@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -129,7 +130,7 @@ def _look(cells: Cells, lengths: Lengths, params: EdgeParams, window: float, whe
 def _bends(cells: Cells, places: NDArray[np.int64], meetings: Meetings, window: float, lengths: Lengths) -> tuple[Meetings, Bends]:
     """Fit the bends twice, the second time about the crease that the first found."""
 
-    def fit(about: Meetings) -> Bends:
+    def fit(about: Meetings, widths: Sequence[float]) -> Bends:
         about.turn[farther(about.foot, SIDES)] = np.nan
         return fit_bends(
             cells,
@@ -139,13 +140,13 @@ def _bends(cells: Cells, places: NDArray[np.int64], meetings: Meetings, window: 
             along=LONGER * window,
             noise=lengths.noise,
             spacing=lengths.h,
-            widths=np.array(WIDTHS) * lengths.h,
+            widths=np.array(widths) * lengths.h,
         )
 
     def farther(foot: NDArray[np.float64], reach: float) -> NDArray[np.bool_]:
         return ~(np.linalg.norm(foot - cells.points[places], axis=1) < reach * lengths.h)
 
-    meetings = meetings._replace(foot=fit(meetings).foot)
-    bends = fit(meetings)
+    meetings = meetings._replace(foot=fit(meetings, WIDTHS[:1]).foot)  # the crease is where the sharp bend is
+    bends = fit(meetings, WIDTHS)
     bends.turn[farther(bends.foot, TELLING)] = np.nan
     return meetings, bends

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scan2nurbs.kernels.cells import Cells, points_in_box, runs_in_box
-from scan2nurbs.kernels.runner import kernel, run_ranges
+from scan2nurbs.kernels.runner import inlined, kernel, run_ranges
 from scan2nurbs.kernels.sides import Meetings
 
 PLACES_PER_RANGE = 256
@@ -104,6 +104,7 @@ def _fit_bends(cells, places, meetings, lengths, widths, start, stop, out):
     x = np.empty((4, 1024))
     low, high, up, path, row = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(11)
     bins, far, A = np.empty((4, BINS, 2)), np.empty(4), np.empty((11, 11))
+    quadric = np.empty((8, 8))
     unit = lengths[0]
     along, noise, spacing = lengths[1] / unit, lengths[2] / unit, lengths[3] / unit
     for i in range(start, stop):
@@ -133,7 +134,7 @@ def _fit_bends(cells, places, meetings, lengths, widths, start, stop, out):
         out.n_points[i] = int(np.sum(x[3, :n]))
         if out.n_points[i] < LEAST_POINTS:
             continue
-        out.turn[i] = _misfits(x, n, variance, noise, spacing, path, here, widths, A, row, out.misfit[i])
+        out.turn[i] = _misfits(x, n, variance, noise, spacing, path, here, widths, A, quadric, row, out.misfit[i])
         side = path[0] + path[1] * here + path[2] * here * here
         for k in range(3):
             out.foot[i, k] = foot[k] + unit * (here * t[k] + side * s[k] + row[0] * up[k])
@@ -244,19 +245,19 @@ def _reweigh(x, n, variance, path, w, row):
 
 
 @kernel
-def _misfits(x, n, variance, noise, spacing, path, here, widths, A, row, misfit):
+def _misfits(x, n, variance, noise, spacing, path, here, widths, A, quadric, row, misfit):
     """Fill the misfit of every width and of one curved face; return the turn of the sharp bend, and its height at `here` in row[0]."""
     turn, height = 0.0, 0.0
+    quadric[:] = 0.0  # what all models have in common; the hinge alone makes the difference
+    for j in range(n):
+        _quadric_row(x, j, row)
+        row[6] = 0.0
+        _accumulate(quadric, row, 8, x[3, j])
     for v in range(len(widths) + 1):
-        A[:] = 0.0
+        A[:8, :8] = quadric
         face = v == len(widths)
-        w = 0.0 if face else np.sqrt(widths[v] ** 2 + (ROUNDED * noise) ** 2)
-        for j in range(n):
-            t, s = x[0, j], x[1, j]
-            row[0], row[1], row[2], row[3], row[4], row[5] = 1.0, s, t, t * t, t * s, s * s
-            row[6] = 0.0 if face else _hinge(s - (path[0] + path[1] * t + path[2] * t * t), w)
-            row[7] = x[2, j]
-            _accumulate(A, row, 8, x[3, j])
+        if not face:
+            _accumulate_hinge(x, n, path, np.sqrt(widths[v] ** 2 + (ROUNDED * noise) ** 2), A, row)
         A[5, 5] += variance / (0.5 * (BEND_CURVATURE if face else FACE_CURVATURE) / spacing) ** 2
         _eliminate(A, 7)
         misfit[v] = A[7, 7] / variance
@@ -268,6 +269,25 @@ def _misfits(x, n, variance, noise, spacing, path, here, widths, A, row, misfit)
             turn = abs(np.arctan(tilt + row[6]) - np.arctan(tilt - row[6]))
     row[0] = height
     return turn
+
+
+@inlined
+def _quadric_row(x, j, row):
+    t, s = x[0, j], x[1, j]
+    row[0], row[1], row[2], row[3], row[4], row[5], row[7] = 1.0, s, t, t * t, t * s, s * s, x[2, j]
+
+
+@kernel
+def _accumulate_hinge(x, n, path, w, A, row):
+    """Add the products of the hinge's column."""
+    for j in range(n):
+        _quadric_row(x, j, row)
+        t, s, weight = x[0, j], x[1, j], x[3, j]
+        hinge = _hinge(s - (path[0] + path[1] * t + path[2] * t * t), w)
+        for p in range(6):
+            A[p, 6] += weight * row[p] * hinge
+        A[6, 6] += weight * hinge * hinge
+        A[6, 7] += weight * hinge * row[7]
 
 
 @kernel
