@@ -13,7 +13,7 @@ from scipy.spatial import KDTree
 
 from scan2nurbs.brep.alone import trim_anew
 from scan2nurbs.brep.check import is_valid
-from scan2nurbs.brep.conform import conformed
+from scan2nurbs.brep.conform import _folds_within, conformed
 from scan2nurbs.brep.part import build_part
 from scan2nurbs.errors import NoResultError
 from scan2nurbs.faces.orient import outward_signs
@@ -182,3 +182,25 @@ def test_a_face_that_holds_a_pole_of_a_narrow_torus_is_not_lost():
     alone = trim_anew(int(np.flatnonzero(topology.source == 1)[0]), topology, scale.h, 1.0)
     assert len(alone) == 1
     assert is_valid(alone[0])
+
+
+@pytest.mark.parametrize(("middle", "seen"), [((4.0, 4.0), True), ((8.5, 4.0), False), ((1.5, 1.5), False), ((6.2, 5.0), True)])
+def test_only_folds_that_a_face_shows_count(middle, seen):
+    """The face is a square with a hole; a grid that is flat but for a fold lies under it."""
+    axis = np.linspace(0.0, 10.0, 51)
+    u, v = np.meshgrid(axis, axis, indexing="ij")
+    hill = np.exp(-((u - middle[0]) ** 2 + (v - middle[1]) ** 2) / 0.1)
+    grid = np.stack([u - 1.5 * (u - middle[0]) * hill, v, np.zeros_like(u)], axis=2)
+    square, hole = (np.array([(a, a), (b, a), (b, b), (a, b)]) for a, b in ((0.5, 6.0), (1.0, 2.0)))
+    assert _folds_within(grid, (axis, axis), [square, hole], tube=False) is seen
+    flat = np.stack([u, v, np.zeros_like(u)], axis=2)
+    assert not _folds_within(flat, (axis, axis), [square, hole], tube=False)
+
+
+@pytest.mark.parametrize(("at", "seen"), [(1.0, False), (5.0, True), (9.0, False)])
+def test_of_a_tube_only_what_lies_between_its_ends_counts(at, seen):
+    axis = np.linspace(0.0, 10.0, 51)
+    u, v = np.meshgrid(axis, axis, indexing="ij")
+    grid = np.stack([u, v - 1.5 * (v - at) * np.exp(-((v - at) ** 2) / 0.1), np.zeros_like(u)], axis=2)
+    ends = [np.column_stack([axis, np.full(51, height)]) for height in (3.0, 7.0)]
+    assert _folds_within(grid, (axis, axis), ends, tube=True) is seen

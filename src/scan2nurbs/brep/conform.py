@@ -15,6 +15,7 @@ from scan2nurbs.brep.borders import BorderCurve, lay_borders, without_faces
 from scan2nurbs.brep.charts import Chart, SplineChart, chart_of
 from scan2nurbs.brep.known import Known
 from scan2nurbs.brep.layout import unrolled
+from scan2nurbs.brep.overlay import winding
 from scan2nurbs.brep.wide import WideSpline, widened
 from scan2nurbs.errors import InputError, NoResultError
 from scan2nurbs.faces.topology import Topology
@@ -37,8 +38,6 @@ _FARTHEST = 5.0
 """A surface farther than this from its border, in h, is another one."""
 _HOLD, _STAY, _SMOOTH = 0.05, 0.3, 0.15
 _MESH_NOISE = 0.05
-_FOLDS = 200
-"""Cells of a bent surface that may fold, most of them beside its face; with more its triangulation may take minutes."""
 
 
 def yielding(
@@ -158,16 +157,29 @@ def conformed(shape: Shape, loops: Sequence[Floats], h: float, towards: Floats |
     moved = (grid + offset.reshape(-1, 1) * wide.normal(grid)).reshape(*u.shape, 3)
     if around[0]:
         moved[-1] = moved[0]
-    if _folds(moved) > _FOLDS:
+    if _folds_within(moved, axes, paths, around[0]):
         raise NoResultError("A surface bent so far would fold.")
     return WideSpline(bicubic((axes[0], axes[1]), moved, (around[0], False)))
 
 
-def _folds(grid: Floats) -> int:
-    """Count the cells of a grid (U, V, 3) that are turned by more than a right angle against the next one."""
+def _folds_within(grid: Floats, axes: Sequence[Floats], paths: Sequence[Floats], tube: bool) -> bool:
+    """Tell whether a surface through a grid (U, V, 3) folds within the loops of its face: nobody sees the rest.
+
+    A cell is folded that is turned by more than a right angle against the next one.
+    """
     normal = np.cross(np.diff(grid, axis=0)[:, :-1], np.diff(grid, axis=1)[:-1])
-    turned = [np.einsum("uvk,uvk->uv", normal[1:], normal[:-1]) < 0.0, np.einsum("uvk,uvk->uv", normal[:, 1:], normal[:, :-1]) < 0.0]
-    return sum(int(np.count_nonzero(t)) for t in turned)
+    folded = np.zeros(normal.shape[:2], np.bool_)
+    folded[:-1] |= np.einsum("uvk,uvk->uv", normal[1:], normal[:-1]) < 0.0
+    folded[:, :-1] |= np.einsum("uvk,uvk->uv", normal[:, 1:], normal[:, :-1]) < 0.0
+    cells = np.argwhere(folded)
+    middles = np.column_stack([0.5 * (x[cells[:, k]] + x[cells[:, k] + 1]) for k, x in enumerate(axes)])
+    if tube and len(paths) < 2:  # it ends where its loop does not tell
+        return len(cells) > 0
+    if tube:
+        height = np.concatenate([path[:, 1] for path in paths])
+        return bool(np.any((middles[:, 1] >= height.min()) & (middles[:, 1] <= height.max())))
+    turns = np.stack([np.abs(winding(path, middles)) for path in paths])
+    return bool(np.any(turns.sum(axis=0) % 2 == 1))
 
 
 def _nodes(chart: Chart, uv: Floats, moved: NDArray[np.bool_], axis: int, around: bool, h: float) -> Floats:
