@@ -11,7 +11,7 @@ from scipy.spatial import KDTree
 from scan2nurbs.edges.breaks import fit_radius
 from scan2nurbs.edges.detect import Edges
 from scan2nurbs.edges.orient import Creases, Orientation, orient_normals
-from scan2nurbs.kernels.cells import Cells, unsorted
+from scan2nurbs.kernels.cells import Cells, sorted_rows, unsorted
 from scan2nurbs.kernels.creases import fit_wedges
 from scan2nurbs.kernels.nearest import nearest_indices
 from scan2nurbs.kernels.runner import Progress
@@ -88,7 +88,7 @@ def edge_kinds(scale: Scale, edges: Edges, progress: Progress | None = None) -> 
     rows = np.flatnonzero(on_edge & ~borders.outline)
     asked = rows[::EVERY]
     creases, usable = _creases(scale, asked)
-    found = _oriented(scale, edges.normal[order], on_edge | _beside(cells, borders.mask, scale), creases, progress)
+    found = _oriented(scale, sorted_rows(cells, edges.normal), on_edge | _beside(cells, borders.mask, scale), creases, progress)
     kinds = _of_creases(scale, rows, asked, creases, found, usable & np.isfinite(found.sides.turn))
     ends = borders.mask & ~(on_edge & (kinds.confidence > 0.0))
     kinds.kind[ends] = BORDER

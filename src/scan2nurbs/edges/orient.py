@@ -11,7 +11,7 @@ from scipy.sparse import coo_array, csr_array, issparse
 from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
 
 from scan2nurbs.kernels.cells import Cells
-from scan2nurbs.kernels.flood import between_components, flood_signs
+from scan2nurbs.kernels.flood import between_components, flood_signs, turn_rows
 from scan2nurbs.kernels.outermost import outward_signs
 from scan2nurbs.kernels.wedge_sides import WedgeSides, wedge_sides
 
@@ -85,16 +85,17 @@ def orient_normals(
     """
     known = np.isfinite(normals[:, 0])
     component, sign = flood_signs(neighbours, normals, known & ~doubtful, float(SAFE))
-    signed = normals * np.where(sign == 0, np.nan, sign)[:, None]
+    signed = normals.copy()
+    turn_rows(signed, np.where(sign == 0, np.nan, sign))
     sides = wedge_sides(cells, signed, component, creases.foot, creases.direction, creases.turn, creases.radius, noise)
     n = int(component.max(initial=-1)) + 1
     votes = _votes(component, signed, neighbours, sides, n)
     flip, group_of = _join(votes, n)
-    signed *= np.where(component >= 0, flip[component], np.nan)[:, None]
+    turn_rows(signed, np.where(component >= 0, flip[component], np.nan))
     group = np.where(component >= 0, group_of[component], -1).astype(np.int32)
     outwards = outward_signs(cells.points, signed, group, _DIRECTIONS)
     factor = np.where(sides.component >= 0, (flip * outwards[group_of])[sides.component], np.nan)
-    signed *= np.where(group >= 0, outwards[group], np.nan)[:, None]
+    turn_rows(signed, np.where(group >= 0, outwards[group], np.nan))
     towards = sides.towards * factor
     with np.errstate(invalid="ignore"):
         agreement = np.nan_to_num(np.abs(towards.sum(axis=1)) / 2.0)

@@ -131,6 +131,13 @@ def _take(values, order, start, stop, out):
             out[i, k] = values[order[i], k]
 
 
+def sorted_rows(cells: Cells, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Put rows (N, 3), in the order of the points that the cells were built from, into that of the sorted points."""
+    out = np.empty_like(values)
+    run_ranges(lambda start, stop: _take(values, cells.order, start, stop, out), len(values), size=_RANGE)
+    return out
+
+
 def unsorted(cells: Cells, values: NDArray[Any]) -> NDArray[Any]:
     """Put values (N,) or (N, K) of the sorted points into the order of the points that the cells were built from."""
     out = np.empty_like(values)

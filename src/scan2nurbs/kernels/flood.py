@@ -58,6 +58,18 @@ def _between(component, neighbours, start, stop, found):
                 found[i] = True
 
 
+def turn_rows(normals: NDArray[np.float64], sign: NDArray[np.float64]) -> None:
+    """Multiply each of the normals (N, 3) with its sign (N,), in place."""
+    run_ranges(lambda start, stop: _turn_rows(normals, sign, start, stop), len(normals), size=1 << 14)
+
+
+@kernel
+def _turn_rows(normals, sign, start, stop):
+    for i in range(start, stop):
+        for k in range(3):
+            normals[i, k] *= sign[i]
+
+
 @kernel
 def _flood_signs(neighbours, normals, member, cosine, component, sign):
     queue = np.empty(len(member), np.int32)
