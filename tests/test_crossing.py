@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from scan2nurbs.brep import shared
 from scan2nurbs.brep.crossing import borders_cross
 from scan2nurbs.brep.occ import silence, to_surface
 from scan2nurbs.brep.overlay import crossings
@@ -87,4 +88,25 @@ def test_a_tangled_face_is_lost_without_being_shown(monkeypatch):
     monkeypatch.setattr(viewed, "_lost", lambda faces, *_: shown.append(sorted(faces)) or [])
     square, tangled = polygon([(20, 0), (29, 0), (29, 9), (20, 9)]), sheet(TWISTED)
     assert unseen([(square,), (tangled,)], compound([square, tangled])) == [1]
+    assert shown == [[0]] * 5
+
+
+def test_a_tangled_face_is_not_asked_for_fine_triangles(monkeypatch):
+    asked = []
+    monkeypatch.setattr(shared, "is_valid", lambda face: True)
+    monkeypatch.setattr(shared, "is_valid_meshed", lambda face, every: asked.append(every) or True)
+    tangled = sheet(TWISTED)
+    assert shared._fault([tangled], True, 0.5) == "Its borders cross."
+    assert (shared._fault([tangled], False, 0.5), shared._fault([tangled], True, 50.0)) == ("", "")
+    assert asked == [False, True]
+
+
+def test_a_plane_whose_borders_cross_is_shown_all_the_same(monkeypatch):
+    from scan2nurbs.brep import viewed
+
+    shown = []
+    monkeypatch.setattr(viewed, "_lost", lambda faces, *_: shown.append(sorted(faces)) or [])
+    bow_tie = polygon([(20, 0), (29, 9), (29, 0), (20, 9)])
+    assert borders_cross(bow_tie, 1.0)
+    assert unseen([(bow_tie,)], bow_tie) == []
     assert shown == [[0]] * 5

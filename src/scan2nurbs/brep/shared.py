@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scan2nurbs.brep.borders import BorderCurve, lay_borders, without_faces
 from scan2nurbs.brep.charts import chart_of
 from scan2nurbs.brep.check import is_valid, is_valid_meshed
+from scan2nurbs.brep.crossing import borders_cross
 from scan2nurbs.brep.known import Known
 from scan2nurbs.brep.layout import Layout, cuts, lay_out
 from scan2nurbs.brep.occ import kernel_errors
@@ -112,15 +113,17 @@ def trim_faces(
     for f, made in enumerate(faces):
         if made:
             outline = _outline(work, kernel, [step for loop in _loops(topology, f) for step in loop])
-            fault = known(("fault", f, shapes[f], fine, len(made), *outline), lambda m=made: _fault(m, fine))
+            fault = known(("fault", f, shapes[f], fine, len(made), *outline), lambda m=made: _fault(m, fine, h * scale))
             work.failures.update({f: fault} if fault else {})
     return SharedFaces(tuple(tuple(made) for made in faces), work.failures, tuple(work.curves), frozenset(skipped))
 
 
-def _fault(made: Sequence[Any], fine: bool) -> str:
-    """Return what is wrong with the faces that a face was made into, nothing if nothing is."""
+def _fault(made: Sequence[Any], fine: bool, least: float) -> str:
+    """Return what is wrong with the faces that a face was made into, nothing if nothing is; see `borders_cross` for `least`."""
     if not all(is_valid(face) for face in made):
         return "The CAD kernel's check finds it invalid."
+    if fine and any(borders_cross(face, least) for face in made):  # fine triangles might take the kernel minutes
+        return "Its borders cross."
     return "" if all(is_valid_meshed(face, every=fine) for face in made) else "It cannot be triangulated."
 
 

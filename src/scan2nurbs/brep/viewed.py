@@ -45,18 +45,26 @@ def unseen(faces: Sequence[Pieces], shape: Any, bent: Collection[int] = ()) -> l
 
     Notes
     -----
-    Faces whose borders cross are not shown at all: the kernel may refine their triangles for minutes.
+    Curved faces whose borders cross are not shown at all: the kernel may refine their triangles for minutes.
     A face that can be triangulated by itself may not be where it shares edges: each is divided so that it is fine enough for both faces.
     """
     every = dict(enumerate(faces))
     with kernel_errors("triangulate the part"):
         size = max(rough_area(shape), CONFUSION**2) ** 0.5
-        lost = {f for f, pieces in every.items() if any(borders_cross(piece, _LOOP * size) for piece in pieces)}
+        lost = {f for f, pieces in every.items() if any(_is_tangled(piece, _LOOP * size) for piece in pieces)}
         for deflection, angle, small in _VIEWS:
             # What is lost in coarse triangles is not asked for fine ones, which may take the kernel minutes then.
             shown = {f: pieces for f, pieces in every.items() if f not in lost and not (small and f in bent)}
             lost.update(_lost(shown, deflection * size, angle, None if small else _LEAST * size))
         return sorted(lost)
+
+
+def _is_tangled(face: Any, least: float) -> bool:
+    """Tell whether the borders of a face cross that is not plane: of a plane one the kernel joins the points of its borders alone."""
+    from OCP.BRepAdaptor import BRepAdaptor_Surface
+    from OCP.GeomAbs import GeomAbs_Plane
+
+    return BRepAdaptor_Surface(face).GetType() != GeomAbs_Plane and borders_cross(face, least)
 
 
 def _lost(faces: Mapping[int, Pieces], deflection: float, angle: float, least: float | None) -> list[int]:
