@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from scan2nurbs.edges.detect import detect
 from scan2nurbs.edges.params import EdgeParams
-from scan2nurbs.errors import NoResultError
-from scan2nurbs.faces import freeform
 from scan2nurbs.faces.charts import Turns, charts, turns_of
-from scan2nurbs.faces.contacts import face_contacts, parted_contacts, smooth_contacts
-from scan2nurbs.faces.freeform import Pieces, _clear
+from scan2nurbs.faces.contacts import Contact, face_contacts, parted_contacts, smooth_contacts
 from scan2nurbs.faces.segmentation import SegmentParams, segment_points
 from scan2nurbs.scale import measure_scale
 from scan2nurbs.surfaces.relations import doubt_tangency
@@ -135,7 +130,7 @@ def test_charts_see_one_side_each():
     contacts = face_contacts(label, scale)
     smooth = list(smooth_contacts(points, label, contacts, fits, scale))
     turns = turns_of(points, fits, smooth, [])
-    assert turns.sides(range(12))[1] == set()  # all around the tube
+    assert set(turns.sides(range(12)).values()) == {1.0}  # all around the tube
     found = charts(points, label, fits, list(range(12)), smooth, turns, 65.0)
     assert sorted(m for chart in found for m in chart) == list(range(12))
     assert 3 <= len(found) <= 6
@@ -148,52 +143,22 @@ def test_what_turns_back_has_its_normals_on_the_other_side():
     smooth, back = parted_contacts(points, label, face_contacts(label, scale), fits, scale)
     assert (smooth, [contact.pair for contact in back]) == ((), [(0, 1)])
     above, below = (fit.shape.normal(points[label == k])[0, 2] for k, fit in enumerate(fits))
-    sides, against = turns_of(points, fits, smooth, back).sides([0, 1])
+    sides = turns_of(points, fits, smooth, back).sides([0, 1])
     assert sides[0] * above * sides[1] * below < 0
-    assert against == set()
 
 
 def test_the_longest_borders_tell_the_sides():
-    """Around three pieces an odd number of turns cannot hold: the shortest border is against it. Others than the group's do not count."""
+    """Around three pieces an odd number of turns cannot hold: the shortest border does not count, nor do those to other pieces."""
     turns = Turns(((0, 1, 90, -1.0), (1, 2, 80, 1.0), (2, 3, 50, -1.0), (0, 2, 10, 1.0)))
-    assert turns.sides([0, 1, 2]) == ({0: 1.0, 1: -1.0, 2: -1.0}, {(0, 2)})
-    assert turns.sides([0, 2]) == ({0: 1.0, 2: 1.0}, set())
-    assert turns.sides([1, 2, 3]) == ({1: 1.0, 2: 1.0, 3: -1.0}, set())
+    assert turns.sides([0, 1, 2]) == {0: 1.0, 1: -1.0, 2: -1.0}
+    assert turns.sides([0, 2]) == {0: 1.0, 2: 1.0}
+    assert turns.sides([1, 2, 3]) == {1: 1.0, 2: 1.0, 3: -1.0}
 
 
-def teardrop(length, radius, span, rng, noise):
-    """Two planes that open from an edge, and a round end tangent to both: a point in every unit of area, and its piece."""
-    slope = np.arcsin(radius / length)
-    flat, arc = length * np.cos(slope), radius * (np.pi + 2.0 * slope)
-    st = grid(int(2 * flat + arc), span, rng)
-    s, turn = st[:, 0] - flat, np.clip(st[:, 0] - flat, 0.0, arc) / radius - 0.5 * np.pi - slope
-    on = np.where(s < 0.0, s, np.maximum(s - arc, 0.0))
-    x = length + radius * np.cos(turn) - on * np.sin(turn)
-    z = radius * np.sin(turn) + on * np.cos(turn)
-    return np.c_[x, st[:, 1], z] + rng.normal(0.0, noise, (len(st), 3)), np.digitize(s, [-0.5 * flat, 0.0, arc, arc + 0.5 * flat])
-
-
-def test_the_points_of_a_thin_edge_do_not_keep_a_blade_from_unrolling(monkeypatch):
-    """Close to the edge of a blade points have the label of either side, and there is no way to flatten them with all others."""
-    rng = np.random.default_rng(5)
-    points, label = teardrop(60.0, 6.0, 50, rng, 0.4)
-    thin = (points[:, 0] < 6.0) & (rng.random(len(points)) < 0.3)
-    label = np.where(thin, 4 - label, label).astype(np.int32)
-    kinds = ("plane", "plane", "cylinder", "plane", "plane")
-    fits = tuple(fit_shape(kind, points[label == k], noise=0.4) for k, kind in enumerate(kinds))
+def test_the_sides_of_a_blade_are_two_charts_though_a_few_points_say_that_they_meet_smoothly():
+    points, label, fits = blade(np.random.default_rng(1), opening=10.0)
     scale = measure_scale(points)
-    contacts = face_contacts(label, scale)
-    smooth, back = parted_contacts(points, label, contacts, fits, scale)
-    assert ((0, 4) in {c.pair for c in back}, (0, 4) in {c.pair for c in smooth}) == (True, False)
-    pieces = Pieces(points, np.full_like(points, np.nan), label, fits)
-    with pytest.raises(NoResultError, match="folds over"):
-        fit_shape("bspline", points, noise=0.4)
-    clear = _clear(pieces, contacts, back)
-    assert 0.7 < np.mean(clear) < 0.95
-    assert not clear[thin].any()
-    asked = []
-    monkeypatch.setattr(freeform, "fit_shape", lambda _kind, p, noise: asked.append(len(p)) or fit_shape("plane", p, noise=noise))
-    freeform._fit(replace(pieces, clear=clear), [0, 1, 3, 4], ["sphere"], 0.4)
-    assert asked == [int(np.sum(clear & (label != 2)))]
-    fit = fit_shape("bspline", points[clear], noise=0.4)
-    assert np.sqrt(np.mean(fit.shape.distance(points[clear]) ** 2)) < 0.5
+    _, back = parted_contacts(points, label, face_contacts(label, scale), fits, scale)
+    few = [Contact((0, 1), (back[0].sides[0][:5], back[0].sides[1][:5]))]
+    for turned, expected in ((back, [[0], [1]]), ([], [[0, 1]])):
+        assert charts(points, label, fits, [0, 1], few, turns_of(points, fits, few, turned), 65.0) == expected

@@ -44,7 +44,7 @@ def charts(
     list of list of int
         Labels of each chart, rising.
     """
-    sides, _ = turns.sides(group)
+    sides = turns.sides(group)
     gathered = {m: sides[m] * fits[m].shape.normal(points[label == m]) for m in group}
     chart = {m: m for m in group}
     while True:
@@ -85,8 +85,8 @@ class Turns:
 
     borders: tuple[tuple[int, int, int, float], ...]
 
-    def sides(self, group: Collection[int]) -> tuple[dict[int, float], set[tuple[int, int]]]:
-        """Return the sign that turns each piece's normals to one side of the surface, and the borders where they do not agree.
+    def sides(self, group: Collection[int]) -> dict[int, float]:
+        """Return the sign that turns each piece's normals to one side of the surface.
 
         Signs go from neighbour to neighbour by the longest borders (Kruskal's algorithm): short ones may lead around an edge.
         """
@@ -98,15 +98,12 @@ class Turns:
                 m, sign = parent[m][0], sign * parent[m][1]
             return m, sign
 
-        against = set[tuple[int, int]]()
         for a, b, _, same in self.borders:
             if a in parent and b in parent:
                 (top, sign_a), (other, sign_b) = root(a), root(b)
                 if top != other:
                     parent[other] = (top, sign_a * sign_b * same)
-                elif sign_a * sign_b * same < 0:
-                    against.add((a, b))
-        return {m: root(m)[1] for m in group}, against
+        return {m: root(m)[1] for m in group}
 
 
 def turns_of(points: NDArray[np.float64], fits: tuple[ShapeFit, ...], smooth: Sequence[Contact], back: Sequence[Contact]) -> Turns:

@@ -21,8 +21,6 @@ from scan2nurbs.surfaces.shape_parameters import COLUMNS
 
 BAND = 4
 """Rings of neighbours from a border over which a surface runs on."""
-THIN = 3
-"""Rings of neighbours from the edge of a blade in which points may have the label of its other side."""
 CERTAIN = 4.0
 """Doubt beyond which neighbours are not tangent, even if stray points spoil small ones."""
 RUNS_ON = 2.0
@@ -62,8 +60,6 @@ class Pieces:
         As lines; NaN where unknown.
     label : (N,) int32
     fits : tuple of ShapeFit
-    clear : (N,) bool
-        Points that tell to which piece they belong, see `_clear`.
     by_edges : bool
         Whether points on creases had a say; where not, any others would have given the same.
     """
@@ -72,7 +68,6 @@ class Pieces:
     normals: NDArray[np.float64]
     label: NDArray[np.int32]
     fits: tuple[ShapeFit, ...]
-    clear: NDArray[np.bool_] | None = None
     by_edges: bool = False
 
 
@@ -118,21 +113,10 @@ def join_freeform(pieces: Pieces, on_edge: NDArray[np.bool_], scale: Scale, nois
     label, fits = pieces.label.copy(), list(pieces.fits)
     for group in _groups(parent):
         within = [c for c in bent if c.pair[0] in group and c.pair[1] in group]
-        _, against = turns.sides(group)
-        thin = [*back, *(c for c in within if c.pair in against)]
-        telling = replace(pieces, clear=_clear(pieces, contacts, thin))
-        for members, fit in _fitted(telling, group, within, turns, _beside(group, doubted, parent), kinds, noise):
+        for members, fit in _fitted(pieces, group, within, turns, _beside(group, doubted, parent), kinds, noise):
             label[np.isin(label, members)] = members[0]
             fits[members[0]] = fit
     return replace(pieces, label=label, fits=tuple(fits), by_edges=by_edges)
-
-
-def _clear(pieces: Pieces, contacts: Contacts, thin: Sequence[Contact]) -> NDArray[np.bool_]:
-    """Tell which points lie away from the edges of blades: some there have the label of the other side, and every map of them folds."""
-    clear = np.ones(len(pieces.points), np.bool_)
-    for side in (side for contact in thin for side in contact.sides if len(side)):
-        clear[contacts.band(side, pieces.label, THIN)] = False
-    return clear
 
 
 def _creased(pieces: Pieces, contact: Contact, on_edge: NDArray[np.bool_], h: float) -> bool:
@@ -263,9 +247,7 @@ def _price(pieces: Pieces, members: list[int], fit: ShapeFit) -> float:
 
 def _fit(pieces: Pieces, members: list[int], kinds: Sequence[Kind], noise: float) -> ShapeFit | None:
     """Return the one surface of some pieces, or None where it does not explain the points or is the longer description."""
-    mine = np.flatnonzero(np.isin(pieces.label, members) & (True if pieces.clear is None else pieces.clear))
-    if not len(mine):
-        return None
+    mine = np.flatnonzero(np.isin(pieces.label, members))
     p, own = pieces.points[mine], pieces.label[mine]
     d = np.empty(len(mine))
     for m in members:
