@@ -26,6 +26,8 @@ from scan2nurbs.surfaces.shape import Shape
 Floats = NDArray[np.float64]
 
 _NEAR = 0.02
+_LOOP = 2.0
+"""Loops between borders that cross, shorter than this, in h, vanish between triangles."""
 
 
 @dataclass(frozen=True)
@@ -113,7 +115,7 @@ def trim_faces(
     for f, made in enumerate(faces):
         if made:
             outline = _outline(work, kernel, [step for loop in _loops(topology, f) for step in loop])
-            fault = known(("fault", f, shapes[f], fine, len(made), *outline), lambda m=made: _fault(m, fine, h * scale))
+            fault = known(("fault", f, shapes[f], fine, len(made), *outline), lambda m=made: _fault(m, fine, _LOOP * h * scale))
             work.failures.update({f: fault} if fault else {})
     return SharedFaces(tuple(tuple(made) for made in faces), work.failures, tuple(work.curves), frozenset(skipped))
 

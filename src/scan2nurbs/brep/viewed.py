@@ -19,8 +19,8 @@ _VIEWS = ((0.01, 0.5, False), (0.002, 0.1, False), (0.002, 0.5, True), (0.002, 0
 as small as the kernel likes, as viewers have it: then for surfaces without wrinkles only."""
 _LEAST = 5e-4
 """Least size of the other triangles, as such a share."""
-_LOOP = 0.004
-"""Loops between borders that cross, shorter than such a share, vanish between triangles."""
+_LOOP = 0.008
+"""Loops between borders that cross, shorter than such a share, four fine deflections, vanish between triangles."""
 
 Pieces = tuple[Any, ...]
 
