@@ -165,7 +165,7 @@ LINES = st.one_of(
 )
 
 
-@pytest.mark.parametrize("long", [False, True])
+@pytest.mark.parametrize(("long", "seen"), [(False, 4096), (True, 4096), (True, 0)])
 @settings(max_examples=400)
 @given(
     lines=st.lists(LINES, min_size=1, max_size=4),
@@ -176,12 +176,15 @@ LINES = st.one_of(
     gap=st.sampled_from(["", "", " "]),
     end=st.sampled_from(["\n", "", "\r\n", "\n\n"]),
 )
-def test_the_quick_readers_decline_what_they_would_read_otherwise(long, lines, separator, columns, width, decimal_comma, gap, end):
-    between = gap + (separator or b" ").decode() + gap
-    block = ("\n".join(before + between.join(tokens) + behind for before, tokens, behind in lines) + end).encode()
+def test_the_quick_readers_decline_what_they_would_read_otherwise(long, seen, lines, separator, columns, width, decimal_comma, gap, end):
+    mark = (separator or b" ").decode()
+    between = [gap + mark + gap, mark]  # columns that are padded in some lines only
+    block = ("\n".join(before + between[k % 2].join(tokens) + behind for k, (before, tokens, behind) in enumerate(lines)) + end).encode()
     wanted = tuple(column for column in columns if width is None or column < width)[:3]
     layout = Layout(columns=wanted, width=width, separator=separator, decimal_comma=decimal_comma and separator != b",")
-    quick = read_quickly(block, layout, long=long) if block.strip() else None
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("scan2nurbs.io.quick._SEEN", seen)
+        quick = read_quickly(block, layout, long=long) if block.strip() else None
     if quick is not None:
         expected = careful(block, layout)
         assert expected is not None
@@ -224,8 +227,26 @@ def test_long_texts_read_every_word_as_short_ones_do(word, read, monkeypatch):
     assert outcome(content) == short
 
 
-def test_a_fault_in_a_long_text_names_its_line(read, monkeypatch):
+@pytest.mark.parametrize("quick_block", [64, 100, 300, 1 << 24])
+def test_a_note_in_a_long_text_does_not_spoil_its_rows(quick_block, read, monkeypatch):
     monkeypatch.setattr("scan2nurbs.io.table.BLOCK", 64)
+    monkeypatch.setattr("scan2nurbs.io.table.QUICK_BLOCK", quick_block)
+    xyz = np.round(samples.points(200), 3)
+    rows = [b"%.3f %.3f %.3f" % tuple(row) for row in xyz]
+    rows[70] += b"  # looked at twice"
+    rows[120:120] = [b"", b"# a second scan"]
+    assert np.array_equal(read(b"\n".join(rows), ".xyz").points, xyz)
+    header = b"ply\nformat ascii 1.0\nelement vertex 200\nproperty float x\nproperty float y\nproperty float z\n"
+    tail = b"element face 1\nproperty list uchar int vertex_index\nend_header\n"
+    rows = [row for row in rows if row and b"#" not in row]
+    rows.insert(70, b"%.3f %.3f %.3f" % tuple(xyz[70]))
+    assert np.array_equal(read(header + tail + b"\n".join([*rows, b"3 0 1 2"]), ".ply").points, xyz)
+
+
+@pytest.mark.parametrize("quick_block", [64, 100, 300, 1 << 24])
+def test_a_fault_in_a_long_text_names_its_line(quick_block, read, monkeypatch):
+    monkeypatch.setattr("scan2nurbs.io.table.BLOCK", 64)
+    monkeypatch.setattr("scan2nurbs.io.table.QUICK_BLOCK", quick_block)
     rows = [b"1.5 2.5 3.5"] * 40
     rows[29] = b"1.5 2.5"
     with pytest.raises(InputError) as error:

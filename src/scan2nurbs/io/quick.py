@@ -16,6 +16,9 @@ from scan2nurbs.io.layout import COMMENT, Layout
 _TAKEN_FOR_A_FILE = (b"\x1f", b"(", b"x", b"\xef")
 """First bytes of what polars unpacks (gzip, zstd, zlib), and of a byte order mark, which it passes over."""
 
+_SEEN = 1 << 12
+"""Bytes at the beginning of a block that tell how its columns are parted."""
+
 _BLANK_TO_NUMPY = (b"\x1c", b"\x1d", b"\x1e", b"\x1f", b"\x85", b"\xa0")
 """What NumPy passes over as white space, and nobody else."""
 
@@ -55,10 +58,25 @@ def _without_trailing_separators(block: bytes, layout: Layout) -> bytes:
 
 
 def _by_polars(block: bytes, layout: Layout) -> NDArray[np.float64] | None:
+    if layout.separator is not None:
+        return _separated(block.strip(b"\r\n"), layout)
+    # A row with more than a space between two columns seems to have empty columns, or too many; only a row may be longer than `width`.
+    if layout.width is not None and not _pads(block):
+        rows = _separated(block.strip(), layout)
+        if rows is not None:
+            return rows
+    return _separated(_squeezed(block), layout)
+
+
+def _pads(block: bytes) -> bool:
+    """Tell whether columns are parted by more than a space each: by what is seen at the beginning, or by white space of another kind."""
+    return b"  " in block[:_SEEN] or any(blank in block for blank in (b"\t", b"\r", b"\v", b"\f"))
+
+
+def _separated(block: bytes, layout: Layout) -> NDArray[np.float64] | None:
     import polars as pl  # noqa: PLC0415 - only for long texts
 
     separator = layout.separator or b" "
-    block = block.strip(b"\r\n") if layout.separator else _squeezed(block)
     end = block.find(b"\n")
     width = block.count(separator, 0, len(block) if end < 0 else end) + 1
     # Behind the very last column polars passes over a separator, behind the others it does not.

@@ -17,7 +17,10 @@ from scan2nurbs.io.quick import read_quickly
 from scan2nurbs.io.source import Buffer, Source
 
 BLOCK = 1 << 22
-"""Bytes parsed at a time; no line may be longer."""
+"""Bytes parsed at a time where lines are looked at; no line may be longer."""
+
+QUICK_BLOCK = 1 << 24
+"""Bytes that a compiled reader is given at a time: fewer do not keep all cores busy. A block that it declines is cut into smaller ones."""
 
 _AFTER_ROW = re.compile(rb"(?:^|(?<=[\s,;]))#")  # not within a word: Microsoft's old libraries print NaN as -1.#IND
 _NUMBER = re.compile(rb"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?")
@@ -56,17 +59,14 @@ def read_rows(
     points = np.empty((0, 3))
     found = read = 0
     size = len(source.data) - start
-    for block, first_line in blocks(source, start, line):
-        if n_rows is not None and found >= n_rows:
-            break
-        for piece, piece_line in _cut(block, first_line, None if n_rows is None else n_rows - found):
-            wanted = None if n_rows is None else n_rows - found
-            rows = _parse(source, piece, piece_line, layout, wanted, long=size > 2 * BLOCK)
-            found += len(rows)
-            read += len(piece)
-            if found > len(points):  # room for all, if the other lines are about as long: pieces and their sum would take twice as much
-                points.resize((max(found, int(1.02 * found * size / read)), 3), refcheck=False)
-            points[found - len(rows) : found] = rows
+    for rows, n_bytes in _row_blocks(source, start, line, layout, n_rows):
+        read += n_bytes
+        if found + len(rows) > len(points):  # room for all, if the other lines are about as long: parts and their sum would take more
+            wider = np.empty((max(found + len(rows), int(1.02 * (found + len(rows)) * size / read)), 3))
+            wider[:found] = points[:found]
+            points = wider
+        points[found : found + len(rows)] = rows
+        found += len(rows)
     if n_rows is not None and found < n_rows:
         raise source.fault(f"The header declares {n_rows:,} {what}, the file ends after {found:,}.", len(source.data))
     points.resize((found, 3), refcheck=False)
@@ -75,14 +75,8 @@ def read_rows(
 
 def blocks(source: Source, start: int, line: int) -> Iterator[tuple[bytes, int]]:
     """Yield pieces of the text that end at the end of a line, each with the number of its first line."""
-    size = len(source.data)
-    while start < size:
-        block = source.data[start : start + BLOCK]
-        if start + len(block) < size:
-            end = block.rfind(b"\n")
-            if end < 0:
-                raise source.fault(f"Line {line} is longer than {BLOCK:,} bytes: this is no text with a point a line.", line)
-            block = block[: end + 1]
+    while start < len(source.data):
+        block = _lines_at(source, start, line)
         yield block, line
         start += len(block)
         source.forget(start)
@@ -131,24 +125,54 @@ def number(token: bytes, *, decimal_comma: bool = False) -> float | None:
     return None
 
 
-def _cut(block: bytes, line: int, n_rows: int | None) -> Iterator[tuple[bytes, int]]:
-    """Cut a block where its wanted rows end if every line is one, so that what follows does not spoil the quick reading."""
-    if n_rows is None or block.count(b"\n") <= n_rows:
-        yield block, line
-        return
+def _row_blocks(source: Source, start: int, line: int, layout: Layout, n_rows: int | None) -> Iterator[tuple[NDArray[np.float64], int]]:
+    """Yield the rows of one block of lines after the other, and how many bytes they took, until there are `n_rows`."""
+    counted = start  # where line number `line` begins: lines are counted only where one may have to be named
+    looked_at = 0  # up to here, lines are read in small blocks
+    long = len(source.data) - start > 2 * BLOCK
+    while start < len(source.data) and n_rows != 0:
+        block = _first_lines(_whole_lines(source, start, QUICK_BLOCK), n_rows) if long and start >= looked_at else b""
+        rows = _quick_rows(block, layout, n_rows, long=long) if block else None
+        if rows is None:
+            looked_at = max(looked_at, start + len(block))
+            line += sum(source.data[i : min(i + BLOCK, start)].count(b"\n") for i in range(counted, start, BLOCK))
+            counted = start
+            block = _first_lines(_lines_at(source, start, line), n_rows)
+            rows = _quick_rows(block, layout, n_rows, long=long)
+        if rows is None:
+            rows = _parse_lines(source, block, line, layout, n_rows)
+        yield rows, len(block)
+        start += len(block)
+        source.forget(start)
+        n_rows = None if n_rows is None else n_rows - len(rows)
+
+
+def _lines_at(source: Source, start: int, line: int) -> bytes:
+    block = _whole_lines(source, start, BLOCK)
+    if not block:
+        raise source.fault(f"Line {line} is longer than {BLOCK:,} bytes: this is no text with a point a line.", line)
+    return block
+
+
+def _whole_lines(source: Source, start: int, most: int) -> bytes:
+    """Return the lines that begin at byte `start`, at most so many bytes of them; none if the first is longer."""
+    block = source.data[start : start + most]
+    return block if start + len(block) == len(source.data) else block[: block.rfind(b"\n") + 1]
+
+
+def _first_lines(block: bytes, n: int | None) -> bytes:
+    """Return the first `n` lines: where the rows end if every line is one, so that what follows does not spoil the quick reading."""
+    if n is None or block.count(b"\n") <= n:
+        return block
     ends = np.flatnonzero(np.frombuffer(block, np.uint8) == ord("\n"))
-    cut = int(ends[n_rows - 1]) + 1 if n_rows else 0
-    yield block[:cut], line
-    yield block[cut:], line + n_rows
+    return block[: int(ends[n - 1]) + 1]
 
 
-def _parse(source: Source, block: bytes, line: int, layout: Layout, wanted: int | None, *, long: bool) -> NDArray[np.float64]:
-    if wanted == 0 or not block.strip():
+def _quick_rows(block: bytes, layout: Layout, most: int | None, *, long: bool) -> NDArray[np.float64] | None:
+    if block.isspace():
         return np.empty((0, 3))
     rows = read_quickly(block, layout, long=long)
-    if rows is None or (wanted is not None and len(rows) > wanted):
-        rows = _parse_lines(source, block, line, layout, wanted)
-    return rows
+    return None if rows is not None and most is not None and len(rows) > most else rows
 
 
 def _parse_lines(source: Source, block: bytes, line: int, layout: Layout, wanted: int | None) -> NDArray[np.float64]:
