@@ -18,6 +18,8 @@ Path = tuple[tuple[int, bool], ...]
 _LEAST = 48
 _CLEAR = 1.5
 _NEAR = 0.02
+_ALONG = 20
+"""What it costs a seam to run along a border, in borders that it cuts."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +108,7 @@ def lay_out(chart: Chart, loops: Sequence[Path], curves: Sequence[BorderCurve], 
         if not closed[axis]:
             continue
         if not cut[axis]:
-            window[axis] = widest_gap(np.concatenate([uv[:, axis] for uv, _ in paths]), chart.period[axis] or 1.0)
+            window[axis] = _outside(paths, axis, chart.period[axis] or 1.0)
             chart, window[axis] = chart.turned(window[axis], axis)
         elif axis == 0:
             chart, window[axis] = chart.turned(_best_seam(chart, loops, curves, marked, paths, h), axis)
@@ -116,9 +118,29 @@ def lay_out(chart: Chart, loops: Sequence[Path], curves: Sequence[BorderCurve], 
 def widest_gap(values: Floats, period: float) -> float:
     """Return the middle of the widest interval of a period that holds no value."""
     places = np.unique(values % period)
-    gaps = np.diff(np.append(places, places[0] + period))
+    return _middle(places, np.diff(np.append(places, places[0] + period)), period)
+
+
+def _middle(places: Floats, gaps: Floats, period: float) -> float:
     k = int(np.argmax(gaps))
     return float((places[k] + 0.5 * gaps[k]) % period)
+
+
+def _outside(paths: Sequence[tuple[Floats, Floats]], axis: int, period: float) -> float:
+    """Return a parameter beside the face, where it goes around in the other direction or in none.
+
+    Between two rings around a tube lie two strips, and the wider may be the face: a bend by more than half a turn. The face is left of
+    its rings; the strip beside it begins where the face ends.
+    """
+    values = np.concatenate([uv[:, axis] for uv, _ in paths]) % period
+    # Left of a ring that goes up in v is less of u, left of one that goes up in u is more of v.
+    ring = np.concatenate([np.full(len(uv), (1 if axis == 0 else -1) * np.sign(turns[1 - axis])) for uv, turns in paths])
+    order = np.argsort(values, kind="stable")
+    places, ring = values[order], ring[order]
+    gaps = np.diff(np.append(places, places[0] + period))
+    if (ring > 0).any() and (ring < 0).any():
+        gaps = np.where((ring > 0) & (np.roll(ring, -1) < 0), gaps, 0.0)
+    return _middle(places, gaps, period)
 
 
 def loop_uv(chart: Chart, loop: Path, curves: Sequence[BorderCurve]) -> Floats:
@@ -174,6 +196,12 @@ def _root(chart: Chart, axis: int, curve: BorderCurve, t: tuple[float, float], t
     return float(brentq(off, t[0], t[1], xtol=1e-15 * max(1.0, abs(t[1]))))  # type: ignore[arg-type] - the stubs want float64 back
 
 
+def _stretch(chart: Chart, uv: Floats, period: float) -> Floats:
+    """Return by how much a step in u moves points (N,) at parameters (N, 2)."""
+    step = 1e-4 * period
+    return np.linalg.norm(chart.point(uv + np.array([step, 0.0])) - chart.point(uv), axis=1) / step if len(uv) else np.empty(0)
+
+
 def _area(uv: Floats) -> float:
     u, v = (uv - uv[0]).T
     return 0.5 * float(np.sum(u * np.roll(v, -1) - np.roll(u, -1) * v))
@@ -192,8 +220,8 @@ def _best_seam(
         vertices.append(curves[border].curve(np.array(ends)) if ends else np.empty((0, 3)))
     at = np.vstack(vertices)
     uv = chart.uv(at) if len(at) else np.empty((0, 2))
-    step = 1e-4 * period
-    stretch = np.linalg.norm(chart.point(uv + np.array([step, 0.0])) - chart.point(uv), axis=1) / step if len(at) else np.empty(0)
+    stretch = _stretch(chart, uv, period)
+    lengths = [_stretch(chart, path, period) for path, _ in paths]
     places = np.unique(uv[:, 0])
     gaps = np.append(places, places[:1] + period) if len(places) else start + period * np.arange(9) / 8
     candidates = np.concatenate([start + period * np.arange(8) / 8, places, start + (0.5 * (gaps[:-1] + gaps[1:]) - start) % period])
@@ -202,9 +230,11 @@ def _best_seam(
         off = np.abs((uv[:, 0] - u + 0.5 * period) % period - 0.5 * period) * stretch
         hit = off <= _NEAR * h
         crossings = 0
-        for path, _ in paths:
+        for (path, _), length in zip(paths, lengths, strict=True):
             turns = np.floor((path[:, 0] - u) / period)
             crossings += int(np.abs(np.diff(turns)).sum())
+            beside = np.abs((path[:, 0] - u + 0.5 * period) % period - 0.5 * period) * length <= _NEAR * h
+            crossings += _ALONG * int((beside[1:] & beside[:-1]).any())
         near = off[~hit].min(initial=np.inf)
         cost = max(crossings - int(hit.sum()), 0) + (10.0 if near < 0.5 * h else 1.0 if near < _CLEAR * h else 0.0)
         cost += 0.01 * (off[hit].max(initial=0.0) / h)
