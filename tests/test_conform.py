@@ -13,7 +13,7 @@ from scipy.spatial import KDTree
 
 from scan2nurbs.brep.alone import trim_anew
 from scan2nurbs.brep.check import is_valid
-from scan2nurbs.brep.conform import _folds_within, conformed
+from scan2nurbs.brep.conform import _folds_within, conformed, mesh_surface
 from scan2nurbs.brep.part import build_part
 from scan2nurbs.errors import NoResultError
 from scan2nurbs.faces.orient import outward_signs
@@ -153,7 +153,8 @@ def test_planes_on_both_sides_of_a_low_step_look_the_same_way_and_those_of_a_thi
             assert bool(found[0] == turn * found[1]) is same
 
 
-def test_a_face_that_holds_a_pole_of_a_narrow_torus_is_not_lost():
+def box():
+    """A block of six planes, their normals inward and outward as they come: points, labels, planes."""
     rng = np.random.default_rng(4)
     points, labels, fits = [], [], []
     for origin, u, v, depth in (
@@ -168,12 +169,27 @@ def test_a_face_that_holds_a_pole_of_a_narrow_torus_is_not_lost():
         points.append(origin + a[:, None] * u + b[:, None] * v)
         labels.append(np.full(len(a), len(fits)))
         fits.append(Fit(Plane(np.array(origin, float), np.cross(u, v))))
+    cloud = np.concatenate(points)
+    return cloud + rng.normal(scale=0.1, size=cloud.shape), np.concatenate(labels).astype(np.int32), fits
+
+
+def test_a_surface_through_the_mesh_has_its_normals_on_the_side_of_the_surface_it_stands_for():
+    cloud, labels, fits = box()
+    scale = measure_scale(cloud)
+    topology = find_topology(cloud, labels, fits, scale)
+    assert set(topology.outward.tolist()) == {-1, 1}
+    for f, source in enumerate(topology.source):
+        points = cloud[labels == source]
+        agree = np.einsum("nk,nk->n", mesh_surface(topology, f, scale.h).normal(points), fits[source].shape.normal(points))
+        assert np.median(agree) > 0.99
+
+
+def test_a_face_that_holds_a_pole_of_a_narrow_torus_is_not_lost():
+    cloud, labels, fits = box()
     # The top was taken for a torus whose tube is wider than its ring: within it lies a dent where the surface passes through its axis.
     fits[1] = Fit(Torus(center=np.array([10.0, 10.0, -89.9]), axis=Z, major=5.0, minor=100.0))
-    cloud = np.concatenate(points)
-    cloud += rng.normal(scale=0.1, size=cloud.shape)
     scale = measure_scale(cloud)
-    topology = find_topology(cloud, np.concatenate(labels).astype(np.int32), fits, scale)
+    topology = find_topology(cloud, labels, fits, scale)
     part = build_part(cloud, fits, topology, scale)
     assert part.valid
     assert part.closed

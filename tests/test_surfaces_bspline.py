@@ -45,6 +45,19 @@ def test_a_rational_quarter_circle_is_round() -> None:
 
 
 @given(seed=st.integers(0, 2**32 - 1), rational=st.booleans())
+def test_a_surface_turned_over_is_the_same_seen_from_the_other_side(seed: int, rational: bool) -> None:
+    rng = np.random.default_rng(seed)
+    knots = np.concatenate([np.full(4, 2.0), np.sort(rng.uniform(2.0, 5.0, 3)), np.full(4, 5.0)])
+    s = surface(knots=(knots, clamped(2, 3)), **({"weights": rng.uniform(0.5, 2, (7, 5))} if rational else {}), seed=seed)
+    uv = rng.random((20, 2)) * [3.0, 1.0] + [2.0, 0.0]
+    back = np.column_stack([7.0 - uv[:, 0], uv[:, 1]])
+    over = s.turned_over()
+    assert over.domain == s.domain
+    np.testing.assert_allclose(over.evaluate(back), s.evaluate(uv), atol=1e-12)
+    np.testing.assert_allclose(over.normals(back), -s.normals(uv), atol=1e-6)
+
+
+@given(seed=st.integers(0, 2**32 - 1), rational=st.booleans())
 def test_derivatives_are_limits_of_differences(seed: int, rational: bool) -> None:
     rng = np.random.default_rng(seed)
     s = surface(seed=seed, **({"weights": rng.uniform(0.5, 2, (7, 5))} if rational else {}))

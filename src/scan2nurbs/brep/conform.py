@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -96,16 +97,26 @@ def yielding(
 def mesh_surface(topology: Topology, f: int, h: float) -> Shape:
     """Fit a B-spline surface to a face's part of the mesh: what its own surface cannot do where it holds a pole of that.
 
+    Returns
+    -------
+    SplineShape
+        Its normals on the side of those of the face's own surface, as the topology has it.
+
     Raises
     ------
     NoResultError
         If no surface fits.
     """
     mesh = topology.mesh
+    triangles = mesh.triangles[mesh.face == f]
     try:
-        return fit_shape("bspline", mesh.vertices[np.unique(mesh.triangles[mesh.face == f])], noise=_MESH_NOISE * h).shape
+        shape: Any = fit_shape("bspline", mesh.vertices[np.unique(triangles)], noise=_MESH_NOISE * h).shape
     except InputError as error:
         raise NoResultError(str(error)) from error
+    a, b, c = (mesh.vertices[triangles[:, k]] for k in range(3))
+    agree = np.einsum("nk,nk->n", np.cross(b - a, c - a), shape.normal((a + b + c) / 3.0))
+    side = float(np.nansum(agree)) * topology.outward[f]
+    return shape if side > 0.0 else replace(shape, surface=shape.surface.turned_over())
 
 
 def conformed(shape: Shape, loops: Sequence[Floats], h: float, towards: Floats | None = None) -> WideSpline:

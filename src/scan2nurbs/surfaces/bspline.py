@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -76,6 +76,16 @@ class BSplineSurface:
         normals = np.cross(d[:, 1], d[:, 2])
         length = np.linalg.norm(normals, axis=1, keepdims=True)
         return np.divide(normals, length, out=np.full_like(normals, np.nan), where=length > 0)
+
+    def turned_over(self) -> BSplineSurface:
+        """Return the surface with u running backward, so that its normals point to the other side."""
+        (u, v), (low, high) = self.knots, self.domain[0]
+        return replace(
+            self,
+            knots=(np.ascontiguousarray(low + high - u[::-1]), v),
+            control_points=np.ascontiguousarray(self.control_points[::-1]),
+            weights=np.ascontiguousarray(self.weights[::-1]),
+        )
 
     def _derivatives(self, uv: ArrayLike, order: int) -> NDArray[np.float64]:
         uv = np.ascontiguousarray(uv, dtype=np.float64)

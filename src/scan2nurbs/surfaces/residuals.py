@@ -57,7 +57,8 @@ def weigh(
     # Where the surface does not follow yet, the deviations of a whole block are large; a minority in it are outliers all the same.
     local = np.where(many, 1.4826 * _block_medians(block, np.abs(deviation)), 0.0)
     usual = max(noise, floor)
-    scale = np.clip(local, usual, max(usual, lenience * noise))[block]
+    most = max(usual, lenience * noise) if noise > 0.0 else usual  # points of a mesh may lie on its surface to the last bit
+    scale = np.clip(local, usual, most)[block]
     beside = np.maximum(whole**2 - normal**2, 0.0)
     x = np.sqrt(deviation**2 + beside) / (_TUKEY * scale)
     return Weighing(np.where(x < 1.0, (1.0 - np.minimum(x, 1.0) ** 2) ** 2, 0.0), noise)
