@@ -193,20 +193,32 @@ def _faired(points: Floats, closed: bool, h: float) -> Floats:
 
 
 def _ordered(points: Floats, along: Floats, closed: bool, h: float) -> Floats:
-    """Leave out points that do not go forward along the border."""
+    """Leave out points that do not go forward along the border; both ends stay.
+
+    Those of an open border are followed from its middle, since its ends are where the mesh may turn back for a step or two.
+    """
     if len(points) < 3:
         return points
-    step = 0.2 * float(np.median(np.linalg.norm(np.diff(points, axis=0), axis=1)))
-    kept = [0]
-    for k in range(1, len(points)):
-        if (points[k] - points[kept[-1]]) @ (along[k] + along[kept[-1]]) * 0.5 > max(step, 1e-6 * h):
-            kept.append(k)
-    if kept[-1] != len(points) - 1:
-        kept[-1:] = [len(points) - 1] if len(kept) > 1 else [kept[-1], len(points) - 1]
-    points = points[kept]
+    step = max(0.2 * float(np.median(np.linalg.norm(np.diff(points, axis=0), axis=1))), 1e-6 * h)
+    n, middle = len(points), 0 if closed else len(points) // 2
+    after = _forward(points[middle:], along[middle:], step)
+    before = _forward(points[middle::-1], -along[middle::-1], step)
+    points = np.vstack([points[middle - np.array(before[:0:-1], int)], points[middle + np.array(after, int)]])
     if closed:
         points[-1] = points[0]
     return points
+
+
+def _forward(points: Floats, along: Floats, step: float) -> list[int]:
+    """Return the points, from the first to the last, of which each lies ahead of the one before."""
+    kept = [0]
+    for k in range(1, len(points)):
+        if (points[k] - points[kept[-1]]) @ (along[k] + along[kept[-1]]) * 0.5 > step:
+            kept.append(k)
+    last = len(points) - 1
+    while len(kept) > 1 and (points[last] - points[kept[-1]]) @ along[kept[-1]] <= step:
+        kept.pop()
+    return [*kept, last] if last else kept
 
 
 def _place_vertices(
