@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scan2nurbs.faces.profiles import split_profiles
+from scan2nurbs.faces.compete import grouped
+from scan2nurbs.faces.profiles import _flattened, split_profiles
 from scan2nurbs.kernels.primitives import CYLINDER, PATCH, PLANE, SIZE
 from sheet_samples import sheet_of
 
@@ -97,3 +98,18 @@ def test_an_extruded_strip_with_a_groove_is_three_strips():
     groove = [k for k in range(len(models)) if k != 1 and abs(np.median(sheet.points[found == k, 0]) - 6) < 1]
     assert len(groove) == 1
     assert abs(np.median(sheet.points[found == groove[0], 2]) + 0.7) < 0.15
+
+
+def test_a_plane_takes_the_place_of_a_fit_that_went_astray_and_of_no_other():
+    points, n = ring(lambda r: 0.0 * r, np.random.default_rng(4))
+    sheet, order = sheet_of(points, NOISE)
+    label = np.where(order < n, 0, 1).astype(np.int32)
+    for astray in (axle(5.0), plane(9.0)):
+        models, values = np.array([astray, axle(30.0)]), np.array([700.0, 300.0])
+        _flattened(sheet, grouped(label, 2), models, values)
+        assert int(models[0, 0]) == PLANE
+        assert abs(models[0, 6]) > 0.9999
+        assert abs(models[0, 3]) < 0.05
+        assert values[0] < 0.6 * n
+        np.testing.assert_array_equal(models[1], axle(30.0))
+        assert values[1] == 300.0

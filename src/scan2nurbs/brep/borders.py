@@ -200,7 +200,7 @@ def _ordered(points: Floats, along: Floats, closed: bool, h: float) -> Floats:
     if len(points) < 3:
         return points
     step = max(0.2 * float(np.median(np.linalg.norm(np.diff(points, axis=0), axis=1))), 1e-6 * h)
-    n, middle = len(points), 0 if closed else len(points) // 2
+    middle = 0 if closed else len(points) // 2
     after = _forward(points[middle:], along[middle:], step)
     before = _forward(points[middle::-1], -along[middle::-1], step)
     points = np.vstack([points[middle - np.array(before[:0:-1], int)], points[middle + np.array(after, int)]])

@@ -17,6 +17,8 @@ from scan2nurbs.surfaces.shape import Floats, Kind
 _SEEDS = 24
 _BEYOND = 0.2
 _MARGIN = 2.0
+_FARTHEST = 10.0
+"""How far from its points, in h, a border of a face is looked for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +95,12 @@ def widened(shape: Any, points: Floats, h: float) -> Any:
     if not len(points) or np.ptp(surface.weights) > 0:
         return WideSpline(surface)
     low, high = np.array(surface.domain).T
-    wide = WideSpline(extend(surface, low - _BEYOND * (high - low), high + _BEYOND * (high - low)))
+    # No farther than borders may lie: a tube that is extended by much of its length comes back to itself.
+    middle = surface.derivatives(np.stack(np.meshgrid(*np.linspace(low, high, 9).T, indexing="ij"), axis=-1).reshape(-1, 2))
+    beyond = np.minimum(
+        _BEYOND * (high - low), _FARTHEST * h / np.maximum(np.median(np.linalg.norm(middle[:, 1:], axis=2), axis=0), 1e-300)
+    )
+    wide = WideSpline(extend(surface, low - beyond, high + beyond))
     uv = wide.parameters(points)
     slopes = np.linalg.norm(surface.derivatives(np.clip(uv, low, high))[:, 1:], axis=2)
     margin = _MARGIN * h / np.maximum(np.median(slopes, axis=0), 1e-300)
