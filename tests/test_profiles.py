@@ -105,7 +105,7 @@ def test_a_plane_takes_the_place_of_a_fit_that_went_astray_and_of_no_other():
     sheet, order = sheet_of(points, NOISE)
     label = np.where(order < n, 0, 1).astype(np.int32)
     for astray in (axle(5.0), plane(9.0)):
-        models, values = np.array([astray, axle(30.0)]), np.array([700.0, 300.0])
+        models, values = np.array([astray, axle(30.0)]), np.array([2.0 * n, 300.0])
         _flattened(sheet, grouped(label, 2), models, values)
         assert int(models[0, 0]) == PLANE
         assert abs(models[0, 6]) > 0.9999

@@ -52,7 +52,9 @@ def find_lost(
     for mine in np.split(rows, np.flatnonzero(np.diff(group[rows])) + 1):
         if len(mine) < least:
             continue
-        plane, left = _plane(sheet.points[mine], sheet.sigma)
+        plane = least_squares_plane(sheet.points[mine])
+        t = signed_distances(plane, sheet.points[mine]) / sheet.sigma
+        left = float(np.minimum(0.5 * t**2, DISTANCE_CAP).sum())
         cost = MODEL_COST + 0.5 * FREEDOM[PLANE] * np.log(len(mine))
         if DISTANCE_CAP * len(mine) - left > cost and left < 0.5 * DISTANCE_CAP * len(mine):
             label[mine] = len(models) + len(new)
@@ -60,11 +62,9 @@ def find_lost(
     return label, np.vstack([models, *new])
 
 
-def _plane(points: NDArray[np.float64], sigma: float) -> tuple[NDArray[np.float64], float]:
-    """Return the plane of least squares, and the robust negative log likelihood of the points in it."""
+def least_squares_plane(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the plane of least squares through points (N, 3), as a model."""
     centre = points.mean(axis=0)
-    normal = np.linalg.svd(points - centre, full_matrices=False)[2][2]
-    t = (points - centre) @ normal / sigma
     model = np.zeros(SIZE)
-    model[0], model[1:4], model[4:7] = PLANE, centre, normal
-    return model, float(np.minimum(0.5 * t**2, DISTANCE_CAP).sum())
+    model[0], model[1:4], model[4:7] = PLANE, centre, np.linalg.svd(points - centre, full_matrices=False)[2][2]
+    return model

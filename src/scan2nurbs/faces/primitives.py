@@ -33,6 +33,7 @@ LEAST_SEED = 15
 RINGS = 2
 FILLET_ROUNDS = (1, 2)
 LOST_ROUNDS = (2, 3)
+PROFILE_ROUND = 2
 
 
 def find_primitives(
@@ -83,6 +84,8 @@ def find_primitives(
         label, models = unite(sheet, label, models, values, refits)
         if step == ROUNDS - 1:
             break
+        if step == PROFILE_ROUND:  # a wall that took in the floor's edge gives it back
+            label, models = split_profiles(sheet, label, models, refits)
         if step in FILLET_ROUNDS and kinds[CYLINDER] and kinds[TORUS]:
             sheet, label, models = _fillets(sheet, label, models, refits)
         if step in LOST_ROUNDS and kinds[PLANE]:

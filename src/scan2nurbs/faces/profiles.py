@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scan2nurbs.faces.compete import MODEL_COST, Sheet, depths, grouped
+from scan2nurbs.faces.lost import least_squares_plane
 from scan2nurbs.faces.model_shapes import field
 from scan2nurbs.faces.unite import contacts
 from scan2nurbs.kernels.growth import DISTANCE_CAP
-from scan2nurbs.kernels.primitives import CONE, CYLINDER, PATCH, PLANE, TORUS
+from scan2nurbs.kernels.primitives import CONE, CYLINDER, FREEDOM, PATCH, PLANE, TORUS
 from scan2nurbs.kernels.refits import misfit, refit_all
 from scan2nurbs.surfaces.shape import Floats, perpendicular, unit
 
@@ -218,5 +219,20 @@ def _fitted(
     depth = depths(label, sheet.neighbours)
     order, starts = grouped(label, n)
     refit_all(sheet.points, sheet.normals, sheet.neighbours, order, starts, depth, kinds, sheet.sigma, 0, n, models, values)
+    if kinds[PLANE]:
+        _flattened(sheet, (order, starts), models, values)
     before = misfit(model, sheet.points, mine, len(mine), sheet.sigma) + PER_PIECE * np.log(len(mine))
     return models, float(before - values.sum() - (n - 1) * MODEL_COST)
+
+
+def _flattened(
+    sheet: Sheet, regions: tuple[NDArray[np.int32], NDArray[np.int64]], models: NDArray[np.float64], values: NDArray[np.float64]
+) -> None:
+    """Let planes take the place of models that explain their points less, in place: normals of a narrow strip start no fit well."""
+    order, starts = regions
+    for i in range(len(models)):
+        mine = order[starts[i] : starts[i + 1]]
+        plane = least_squares_plane(sheet.points[mine])
+        value = misfit(plane, sheet.points, mine, len(mine), sheet.sigma) + 0.5 * FREEDOM[PLANE] * np.log(len(mine))
+        if value < values[i]:
+            models[i], values[i] = plane, value
