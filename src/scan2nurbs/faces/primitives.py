@@ -98,20 +98,7 @@ def find_primitives(
     if kinds[CYLINDER] and kinds[TORUS]:
         _, label, models = _fillets(sheet, label, models, refits)
     label, models = split_pieces(sheet, label, models, least, strips=True)
-    label, models = _united(sheet, label, models, refits)
     return drop_outliers(sheet, adopt(sheet, label, models, RINGS), models), models
-
-
-def _united(
-    sheet: Sheet, label: NDArray[np.int32], models: NDArray[np.float64], kinds: NDArray[np.bool_]
-) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
-    """Join regions that one surface explains as well; the others keep the models that they had."""
-    fitted = models.copy()
-    joined, found = unite(sheet, label, fitted, fit_regions(sheet, label, fitted, kinds), kinds)
-    grown = np.unique(joined[joined != label])
-    models = models.copy()
-    models[grown] = found[grown]
-    return joined, models
 
 
 def _fillets(
