@@ -60,7 +60,8 @@ def _without_trailing_separators(block: bytes, layout: Layout) -> bytes:
 def _by_polars(block: bytes, layout: Layout) -> NDArray[np.float64] | None:
     if layout.separator is not None:
         return _separated(block.strip(b"\r\n"), layout)
-    # A row with more than a space between two columns seems to have empty columns, or too many; only a row may be longer than `width`.
+    # Where two spaces stand side by side, an empty column seems to lie between them, and the block is declined: rows of `width` columns
+    # have none to spare.
     if layout.width is not None and not _pads(block):
         rows = _separated(block.strip(), layout)
         if rows is not None:
