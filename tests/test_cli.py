@@ -46,7 +46,7 @@ def run(*arguments: object) -> int:
 def start(code: str, *arguments: object, **options: object) -> subprocess.Popen[bytes]:
     """Run Python code in a process of its own, with `main` imported and the arguments in sys.argv."""
     command = [sys.executable, "-c", f"from scan2nurbs.cli.main import main\n{code}", *map(str, arguments)]
-    return subprocess.Popen(command, stderr=subprocess.PIPE, **{"stdout": subprocess.PIPE, **options})  # type: ignore[call-overload]
+    return subprocess.Popen(command, stderr=subprocess.PIPE, **{"stdout": subprocess.PIPE, **options})  # type: ignore[call-overload] - any options
 
 
 class TestOverview:

@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 
 from scan2nurbs.brep.borders import _ends, _guide, lay_borders
 from scan2nurbs.brep.check import check
-from scan2nurbs.brep.part import ModelParams, build_part
+from scan2nurbs.brep.part import build_part
 from scan2nurbs.brep.read import faces_of, read_shape
 from scan2nurbs.brep.write_part import write_part
-from scan2nurbs.errors import NoResultError, OutputError, ParameterError
+from scan2nurbs.errors import NoResultError, OutputError
 from scan2nurbs.faces.complex import Border, LabelledMesh, Topology
 from scan2nurbs.part_report import _named, _sentence
 from scan2nurbs.scale import measure_scale
@@ -394,10 +394,3 @@ def test_a_face_that_would_leave_out_most_of_its_points_gets_an_outline_of_its_o
     part = build_part(body.points, [Fit(s) for s in shapes], replace(whole, mesh=mesh), scale)
     assert any("leave out a part of its points" in note for note in part.notes)
     assert part.faces[0].trimmed != "shared"
-
-
-@pytest.mark.parametrize("name", ["widest", "bearable", "reach"])
-@pytest.mark.parametrize("value", [0.0, -1.0, float("nan"), float("inf")])
-def test_parameters_of_models_are_lengths(name, value):
-    with pytest.raises(ParameterError, match=f"'{name}' of ModelParams"):
-        ModelParams(**{name: value})

@@ -39,18 +39,18 @@ def kernel(function: Function) -> Function:
     Its arithmetic stays as written. Numba compiles a function that others call once more within each of them, and which of the copies
     runs depends on whether they were compiled in this process or loaded from the cache: free to reorder, they would round differently.
     """
-    return numba.njit(nogil=True, cache=_cache_is_writable(), error_model="numpy")(function)  # type: ignore[return-value]
+    return numba.njit(nogil=True, cache=_cache_is_writable(), error_model="numpy")(function)  # type: ignore[return-value] - a dispatcher
 
 
 def summing(function: Function) -> Function:
     """Compile a kernel whose sums may be reordered, twice as fast: for sums over neighbourhoods alone, tested to be the same to the bit."""
-    return numba.njit(nogil=True, cache=_cache_is_writable(), fastmath=REORDERING, error_model="numpy")(function)  # type: ignore[return-value]
+    return numba.njit(nogil=True, cache=_cache_is_writable(), fastmath=REORDERING, error_model="numpy")(function)  # type: ignore[return-value] - a dispatcher
 
 
 def inlined(function: Function) -> Function:
     """Compile a function into the loops that call it, which only then become vector instructions."""
     options = {"forceinline": True, "nogil": True, "fastmath": REORDERING, "error_model": "numpy"}
-    return numba.njit(cache=_cache_is_writable(), **options)(function)  # type: ignore[return-value]
+    return numba.njit(cache=_cache_is_writable(), **options)(function)  # type: ignore[return-value] - a dispatcher
 
 
 class _WithoutCollection(event.Listener):
