@@ -13,7 +13,7 @@ from scan2nurbs.brep.check import check
 from scan2nurbs.brep.part import build_part
 from scan2nurbs.brep.read import faces_of, read_shape
 from scan2nurbs.brep.write_part import write_part
-from scan2nurbs.errors import NoResultError, OutputError
+from scan2nurbs.errors import NoResultError, OutputError, ParameterError
 from scan2nurbs.faces.complex import Border, LabelledMesh, Topology
 from scan2nurbs.part_report import _named, _sentence
 from scan2nurbs.scale import measure_scale
