@@ -187,10 +187,24 @@ def _folds_within(grid: Floats, axes: Sequence[Floats], paths: Sequence[Floats],
     if tube and len(paths) < 2:  # it ends where its loop does not tell
         return len(cells) > 0
     if tube:
-        height = np.concatenate([path[:, 1] for path in paths])
-        return bool(np.any((middles[:, 1] >= height.min()) & (middles[:, 1] <= height.max())))
+        low, high = _heights(axes[0], paths)
+        return bool(np.any((middles[:, 1] >= low[cells[:, 0]]) & (middles[:, 1] <= high[cells[:, 0]])))
     turns = np.stack([np.abs(winding(path, middles)) for path in paths])
     return bool(np.any(turns.sum(axis=0) % 2 == 1))
+
+
+def _heights(nodes: Floats, paths: Sequence[Floats]) -> tuple[Floats, Floats]:
+    """Return the lowest and highest parameter of the loops of a tube over each of its columns of cells, and those beside it."""
+    uv = np.vstack(paths)
+    column = np.searchsorted(nodes, nodes[0] + (uv[:, 0] - nodes[0]) % (nodes[-1] - nodes[0]), side="right") - 1
+    column = np.clip(column, 0, len(nodes) - 2)
+    low, high = np.full((2, len(nodes) - 1), [[np.inf], [-np.inf]])
+    np.minimum.at(low, column, uv[:, 1])
+    np.maximum.at(high, column, uv[:, 1])
+    beside = (-1, 0, 1)
+    low = np.min([np.roll(low, turn) for turn in beside], axis=0)
+    high = np.max([np.roll(high, turn) for turn in beside], axis=0)
+    return np.where(np.isfinite(low), low, uv[:, 1].min()), np.where(np.isfinite(high), high, uv[:, 1].max())
 
 
 def _nodes(chart: Chart, uv: Floats, moved: NDArray[np.bool_], axis: int, around: bool, h: float) -> Floats:
@@ -223,8 +237,8 @@ def _nodes(chart: Chart, uv: Floats, moved: NDArray[np.bool_], axis: int, around
     else:
         fine = fine[:0]
     nodes = np.unique(np.concatenate([coarse, fine]))
-    # Nodes much closer than their neighbours would make the spline wave.
-    least = 0.3 * min(step, float(np.diff(coarse).min()))
+    # Nodes much closer than their neighbours, or than the border is known, would make the spline wave.
+    least = 0.3 * step
     kept = [nodes[0]]
     for x in nodes[1:-1]:
         if x - kept[-1] >= least and nodes[-1] - x >= least:

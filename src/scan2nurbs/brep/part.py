@@ -31,7 +31,8 @@ from scan2nurbs.scale import Scale
 
 Floats = NDArray[np.float64]
 
-_ASTRAY, _SOME = 3.0, 0.05
+_ASTRAY, _SOME, _COARSE = 3.0, 0.05, 0.5
+"""A face is astray where more than a share of it is so many h from the mesh; triangles half an h off tell that."""
 _LEAST = 0.25
 """A face of less than this share of the area above which it is too large, half of that of its mesh, is on the wrong side of its borders."""
 _TOO_LARGE = "It would reach far beyond its points"
@@ -259,7 +260,7 @@ def _is_astray(pieces: tuple[Any, ...], room: float, topology: Topology, h: floa
     if not pieces or _size(pieces, factor) <= room:
         return False
     try:
-        mesh = tessellate(compound(pieces), deflection=0.1 * h * factor, least=0.1 * h * factor)
+        mesh = tessellate(compound(pieces), deflection=_COARSE * h * factor, least=_COARSE * h * factor)
     except InputError:  # so large, and still without a triangle: its borders enclose nothing
         return True
     samples, _ = sample(mesh, h * factor)

@@ -132,14 +132,22 @@ def parted_contacts(
 
 def _turns_back(points: NDArray[np.float64], contacts: Contacts, contact: Contact, label: NDArray[np.int32]) -> bool:
     """Tell whether both faces lie on the same side of their border, as at the edge of a blade: lines of normals cannot tell."""
-    bands = [np.setdiff1d(contacts.band(side, label, OUTER), contacts.band(side, label, INNER)) for side in contact.sides]
-    if min(map(len, bands)) < LEAST:
-        return False
+    _, away = ways(points, contacts, contact, label)
+    return bool(len(away) and np.median(np.einsum("ij,ij->i", *away)) > 0.0)
+
+
+def ways(
+    points: NDArray[np.float64], contacts: Contacts, contact: Contact, label: NDArray[np.int32]
+) -> tuple[NDArray[np.float64], tuple[NDArray[np.float64], ...]]:
+    """Return up to 64 places (K, 3) along a border, and from each the two ways (K, 3) to either face; none where a face ends at once."""
     rows = np.concatenate(contact.sides)
     place = points[rows[:: -(-len(rows) // PLACES)]]
+    bands = [np.setdiff1d(contacts.band(side, label, OUTER), contacts.band(side, label, INNER)) for side in contact.sides]
+    if min(map(len, bands)) < LEAST:
+        return place, ()
     away = []
     for band in bands:
         k = min(NEAR, len(band))
         nearest = KDTree(points[band]).query(place, k=k)[1].reshape(len(place), k)
         away.append(points[band[nearest]].mean(axis=1) - place)
-    return bool(np.median(np.einsum("ij,ij->i", *away)) > 0.0)
+    return place, tuple(away)

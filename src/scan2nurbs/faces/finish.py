@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -148,6 +148,20 @@ def swept_fits(
 
 
 def _swept(fit: ShapeFit, points: NDArray[np.float64], noise: float, kinds: Sequence[Kind]) -> ShapeFit:
+    return next((found for found in sweeps(points, noise, kinds) if found.criterion < fit.criterion), fit)
+
+
+def sweeps(points: NDArray[np.float64], noise: float, kinds: Sequence[Kind]) -> Iterator[ShapeFit]:
+    """Yield the extruded and the revolved surface of some points, where these explain them.
+
+    Parameters
+    ----------
+    points : (N, 3) float64
+    noise : float
+        Standard deviation of the points across the surface, in their unit.
+    kinds : sequence of str
+        Kinds that may be tried.
+    """
     swept: tuple[Kind, ...] = ("extrusion", "revolution")
     for kind in swept:
         if kind not in kinds:
@@ -160,10 +174,8 @@ def _swept(fit: ShapeFit, points: NDArray[np.float64], noise: float, kinds: Sequ
             found = fit_shape(kind, points, noise=noise)
         except (NoResultError, InputError):
             continue
-        left = study(found.shape.foot(points), found.shape.distance(points), noise)
-        if left.explained(noise) and found.criterion < fit.criterion:
-            return found
-    return fit
+        if study(found.shape.foot(points), found.shape.distance(points), noise).explained(noise):
+            yield found
 
 
 def _fit_free(points: NDArray[np.float64], normals: NDArray[np.float64], noise: float) -> ShapeFit:

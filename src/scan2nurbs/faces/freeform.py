@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scan2nurbs.errors import InputError, NoResultError
+from scan2nurbs.faces.blends import Blends, find_blends, smooth_borders
 from scan2nurbs.faces.charts import Turns, charts, turns_of
 from scan2nurbs.faces.compete import MODEL_COST
 from scan2nurbs.faces.contacts import Contact, Contacts, face_contacts, parted_contacts, smooth_contacts
+from scan2nurbs.faces.finish import sweeps
+from scan2nurbs.faces.gather import Pairs, gather, groups
 from scan2nurbs.scale import Scale
 from scan2nurbs.surfaces.explain import study
 from scan2nurbs.surfaces.relations import doubt_tangency
@@ -21,12 +25,6 @@ from scan2nurbs.surfaces.shape_parameters import COLUMNS
 
 BAND = 4
 """Rings of neighbours from a border over which a surface runs on."""
-CERTAIN = 4.0
-"""Doubt beyond which neighbours are not tangent, even if stray points spoil small ones."""
-RUNS_ON = 2.0
-"""A surface runs on over points that lie within so many deviations of it, root mean square; a fillet bends away much faster."""
-PARTS = 4.0
-"""The same for the other way about: the smaller of two pieces is known less well."""
 LEAST_DEVIATION = 0.15
 """Smallest deviation that counts there, in h: the smaller the noise, the smaller the pieces, and the sooner they part."""
 KINK = 35.0
@@ -37,10 +35,6 @@ CREASED = 0.5
 """A border is a crease where so large a share of its points is on an edge."""
 LEAST_PIECES = 3
 """Of fewer pieces a freeform face is no likelier than two primitives whose tangency a few stray points hide."""
-MOST = 0.5
-"""Share of the points that lies on freeform faces where a cloud is no part of primitives at all."""
-SMALL = 0.2
-"""A piece is small with less than this share of a freeform face's points: it joins without further evidence."""
 ROUGHEST = 1.25
 """A freeform surface explains its points with residuals up to this many times those of the pieces."""
 
@@ -102,16 +96,22 @@ def join_freeform(pieces: Pieces, on_edge: NDArray[np.bool_], scale: Scale, nois
     smooth = smooth_contacts(pieces.points, pieces.label, replace(contacts, found=bent), pieces.fits, scale)
     doubts = doubt_tangency(pieces.points, pieces.label, pieces.fits, [c.pair for c in smooth], noise=max(noise, 0.01 * scale.h), h=scale.h)
     least = max(noise, LEAST_DEVIATION * scale.h)
-    by_edges = any(doubts.get(c.pair, np.inf) > 1.0 for c in bent)  # where all are tangent, nothing is joined
+    borders = smooth_borders(pieces.points, pieces.label, pieces.fits, contacts, smooth, scale.h)
+    blends = find_blends(borders, least / scale.h)
+    bent, smooth = (tuple(c for c in some if not blends.part(c.pair)) for some in (bent, smooth))
+    pairs = Pairs(
+        reach={c.pair: _runs_on(pieces, contacts, c, least) for c in smooth},
+        doubt=doubts,
+        even=frozenset(b.pair for b in borders if not b.jumps(least / scale.h)),
+    )
+    by_edges = any(pairs.doubted(c.pair) for c in bent) or bool(pairs.chains(pairs.reach))  # or nothing is joined that edges could part
     bent = tuple(c for c in bent if not _creased(pieces, c, on_edge, scale.h))
-    clear = {c.pair for c in bent}
-    run_on = {c.pair for c in smooth if c.pair in clear and doubts[c.pair] > 1.0 and _run_on(pieces, contacts, c, least)}
-    doubted = {c.pair: c.pair in run_on for c in bent if doubts.get(c.pair, np.inf) > 1.0}
-    parent = _continued(pieces, doubted, [pair for pair in sorted(run_on) if doubts[pair] > CERTAIN])
-    parent = _absorbed(pieces, contacts, smooth, parent, least)
+    parent = _gathered(pieces, pairs, bent, smooth, blends)
+    turns = turns_of(pieces.points, pieces.fits, bent, back)
     turns = turns_of(pieces.points, pieces.fits, bent, back)
     label, fits = pieces.label.copy(), list(pieces.fits)
-    for group in _groups(parent):
+    doubted = {c.pair for c in bent if pairs.doubted(c.pair) and blends.round_alike(c.pair, parent)}
+    for group in groups(parent):
         within = [c for c in bent if c.pair[0] in group and c.pair[1] in group]
         for members, fit in _fitted(pieces, group, within, turns, _beside(group, doubted, parent), kinds, noise):
             label[np.isin(label, members)] = members[0]
@@ -119,16 +119,20 @@ def join_freeform(pieces: Pieces, on_edge: NDArray[np.bool_], scale: Scale, nois
     return replace(pieces, label=label, fits=tuple(fits), by_edges=by_edges)
 
 
+def _gathered(pieces: Pieces, pairs: Pairs, bent: Sequence[Contact], smooth: Sequence[Contact], blends: Blends) -> NDArray[np.int64]:
+    """Return the lowest member of the face of each piece: first of those that are no blends, as these lie between faces."""
+    size = np.bincount(pieces.label[pieces.label >= 0], minlength=len(pieces.fits))
+    flat = np.array([fit.shape.kind == "plane" for fit in pieces.fits], bool)
+    clear, near = [c.pair for c in bent], [c.pair for c in smooth]
+    faces = gather(size, flat, pairs, [pair for pair in clear if not blends.within(pair)], near)
+    clear, near = ([pair for pair in some if blends.round_alike(pair, faces)] for some in (clear, near))
+    return gather(size, flat, pairs, clear, near, [pair for pair in near if blends.within(pair)])
+
+
 def _creased(pieces: Pieces, contact: Contact, on_edge: NDArray[np.bool_], h: float) -> bool:
     """Tell whether a border is a crease, or too short to tell."""
     rows = np.concatenate(contact.sides)
     return float(np.ptp(pieces.points[rows], axis=0).max()) < LEAST_BORDER * h or float(np.mean(on_edge[rows])) > CREASED
-
-
-def _run_on(pieces: Pieces, contacts: Contacts, contact: Contact, noise: float) -> bool:
-    """Tell whether the surfaces of two pieces run on over each other's points beside their border."""
-    over = _runs_on(pieces, contacts, contact, noise)
-    return min(over) < RUNS_ON and max(over) < PARTS
 
 
 def _runs_on(pieces: Pieces, contacts: Contacts, contact: Contact, noise: float) -> tuple[float, float]:
@@ -139,64 +143,6 @@ def _runs_on(pieces: Pieces, contacts: Contacts, contact: Contact, noise: float)
         d = pieces.fits[own].shape.distance(pieces.points[band]) / noise
         out.append(float(np.sqrt(np.mean(np.minimum(d * d, 25.0)))))
     return out[0], out[1]
-
-
-def _continued(pieces: Pieces, doubted: dict[tuple[int, int], bool], joins: list[tuple[int, int]]) -> NDArray[np.int64]:
-    """Let what is freeform for certain go on up to the next crease, over pieces that stand alone where their surface runs on.
-
-    Where most of the points are freeform, it goes on over all pieces that are not tangent.
-    """
-    parent = _joined(len(pieces.fits), joins)
-    size = np.bincount(pieces.label[pieces.label >= 0], minlength=len(parent))
-    while True:
-        free = np.bincount(parent, minlength=len(parent))[parent] > 1
-        organic = size[free].sum() > MOST * size.sum()
-        either = {pair for pair, runs_on in doubted.items() if runs_on or organic}
-        more = [pair for pair in doubted if free[list(pair)].all() or (pair in either and free[list(pair)].any())]
-        wider = _joined(len(parent), [*joins, *more])
-        if (wider == parent).all():
-            return parent
-        parent = wider
-
-
-def _absorbed(
-    pieces: Pieces, contacts: Contacts, smooth: tuple[Contact, ...], parent: NDArray[np.int64], noise: float
-) -> NDArray[np.int64]:
-    """Give freeform faces the small pieces beside them onto which their surface runs on."""
-    size = np.bincount(pieces.label[pieces.label >= 0], minlength=len(parent))
-    reach = {c.pair: _runs_on(pieces, contacts, c, noise) for c in smooth}
-    while True:
-        members, total = np.bincount(parent, minlength=len(parent)), np.bincount(parent, weights=size, minlength=len(parent))
-        more = []
-        for (i, j), (over_j, over_i) in reach.items():
-            for own, other, over in ((i, j, over_j), (j, i, over_i)):
-                group, small = parent[own], parent[other]
-                if group != small and members[group] > 1 and total[small] <= SMALL * total[group] and over < RUNS_ON:
-                    more.append((int(group), int(small)))
-        if not more:
-            return parent
-        parent = _joined(len(parent), [*enumerate(parent.tolist()), *more])
-
-
-def _joined(n: int, pairs: list[tuple[int, int]]) -> NDArray[np.int64]:
-    """Return the lowest member of the group of each of n, given which ones belong together."""
-    parent = list(range(n))
-
-    def root(i: int) -> int:
-        while parent[i] != i:
-            parent[i] = parent[parent[i]]
-            i = parent[i]
-        return i
-
-    for i, j in pairs:
-        a, b = sorted((root(i), root(j)))
-        parent[b] = a
-    return np.array([root(i) for i in range(n)], np.int64)
-
-
-def _groups(parent: NDArray[np.int64]) -> list[list[int]]:
-    kept, count = np.unique(parent, return_counts=True)
-    return [np.flatnonzero(parent == k).tolist() for k in kept[count > 1]]
 
 
 def _fitted(
@@ -221,7 +167,7 @@ def _fitted(
     return found
 
 
-def _beside(group: list[int], doubted: dict[tuple[int, int], bool], parent: NDArray[np.int64]) -> list[int]:
+def _beside(group: list[int], doubted: set[tuple[int, int]], parent: NDArray[np.int64]) -> list[int]:
     """Return the pieces that stand alone beside a group and are not tangent to it."""
     alone = np.bincount(parent, minlength=len(parent)) == 1
     return sorted({j for pair in doubted for i, j in (pair, pair[::-1]) if i in group and alone[j]})
@@ -242,7 +188,7 @@ def _extended(
 def _price(pieces: Pieces, members: list[int], fit: ShapeFit) -> float:
     """Return the length of the description of a surface; each control point is determined by the points in its own few spans only."""
     n, free = int(np.isin(pieces.label, members).sum()), fit.shape.freedom
-    return MODEL_COST + 0.5 * free * float(np.log(max(n / free if fit.shape.kind == "bspline" else n, 2.0)))
+    return MODEL_COST + 0.5 * free * float(np.log(max(n if fit.shape.kind in COLUMNS else n / free, 2.0)))
 
 
 def _fit(pieces: Pieces, members: list[int], kinds: Sequence[Kind], noise: float) -> ShapeFit | None:
@@ -253,19 +199,30 @@ def _fit(pieces: Pieces, members: list[int], kinds: Sequence[Kind], noise: float
     for m in members:
         d[own == m] = pieces.fits[m].shape.distance(p[own == m])
     cost = sum(_price(pieces, [m], pieces.fits[m]) for m in members)
-    primitives: list[Kind] = [kind for kind in kinds if kind in COLUMNS]
-    for simple in (True, False)[: 1 + (len(members) >= LEAST_PIECES)]:
-        try:
-            fit = choose_shape(p, noise=noise, kinds=primitives) if simple else fit_shape("bspline", p, noise=noise)
-        except (NoResultError, InputError):
-            continue
+    best: ShapeFit | None = None
+    for fit in _trials(p, len(members) >= LEAST_PIECES, kinds, noise):
         off = fit.shape.distance(p)
         left = study(fit.shape.foot(p), off, max(noise, _rough(d)))
         # Residuals of the pieces are too small to compare with: each point chose the piece that it is nearest to.
-        explained = left.nothing_left() if simple else left.explained(noise)
-        if explained and _price(pieces, members, fit) < cost and _rough(off) <= ROUGHEST * max(_rough(d), noise):
+        simple, clear = fit.shape.kind in COLUMNS, left.nothing_left()
+        if not (clear or (left.explained(noise) and not simple)):
+            continue
+        if _price(pieces, members, fit) >= cost or _rough(off) > ROUGHEST * max(_rough(d), noise):
+            continue
+        if clear:
             return fit
-    return None
+        best = fit if best is None or fit.criterion < best.criterion else best
+    return best
+
+
+def _trials(points: NDArray[np.float64], several: bool, kinds: Sequence[Kind], noise: float) -> Iterator[ShapeFit]:
+    """Yield surfaces for the points of some pieces, the simplest first; freeform ones only of several."""
+    with suppress(NoResultError, InputError):
+        yield choose_shape(points, noise=noise, kinds=[kind for kind in kinds if kind in COLUMNS])
+    if several:
+        yield from sweeps(points, noise, kinds)
+        with suppress(NoResultError, InputError):
+            yield fit_shape("bspline", points, noise=noise)
 
 
 def _rough(d: NDArray[np.float64]) -> float:

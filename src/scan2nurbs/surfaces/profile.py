@@ -19,7 +19,9 @@ from scan2nurbs.surfaces.shape import Floats
 _DEGREE = 3
 _FAIRNESS = 1e-3
 _ROUNDS = 6
-_MOST_SPANS = 200
+_MOST_SPANS = 256
+_LEAST_SPAN = 4.0
+"""Spans shorter than so many deviations of the points would follow the noise in zigzags."""
 _STARTS_PER_SPAN = 8
 _NODES = 400
 
@@ -122,13 +124,14 @@ def fit_profile(points: Floats, noise: float) -> PlanarCurve:
     nodes, closed = trace(points, noise)
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(nodes, axis=0), axis=1))])
     t = _onto_polyline(points, nodes, length)
+    most = min(_MOST_SPANS, len(points) // 8, max(int(length[-1] / max(_LEAST_SPAN * noise, 1e-300)), 8))
     spans, before = (4 if closed else 1), np.inf
     while True:
         curve, t_new = _fit(points, t, float(length[-1]), spans, closed)
         d = curve.distance(points)[0]
         left = study(np.c_[curve.at(t_new)[0], np.zeros(len(points))], d, max(noise, 1e-9 * float(length[-1])))
         better = left.systematic < 0.9 * before
-        if (left.systematic <= 0.25 * noise and left.off < 0.1) or left.chance > 1e-3 or spans >= min(_MOST_SPANS, len(points) // 8):
+        if (left.systematic <= 0.25 * noise and left.off < 0.1) or left.chance > 1e-3 or 2 * spans > most:
             return curve
         if not better and spans > 32:
             return curve
