@@ -220,3 +220,15 @@ def test_of_a_tube_only_what_lies_between_its_ends_counts(at, seen):
     grid = np.stack([u, v - 1.5 * (v - at) * np.exp(-((v - at) ** 2) / 0.1), np.zeros_like(u)], axis=2)
     ends = [np.column_stack([axis, np.full(51, height)]) for height in (3.0, 7.0)]
     assert _folds_within(grid, (axis, axis), ends, tube=True) is seen
+
+
+@pytest.mark.parametrize(("at", "seen"), [((2.0, 7.5), True), ((7.0, 7.5), False), ((7.0, 2.5), True), ((2.0, 2.5), False)])
+def test_the_ends_of_a_tube_may_be_slanted(at, seen):
+    """The tube lies between two loops that rise and fall by three about heights of four and seven."""
+    axis = np.linspace(0.0, 10.0, 51)
+    u, v = np.meshgrid(axis, axis, indexing="ij")
+    hill = np.exp(-((u - at[0]) ** 2 + (v - at[1]) ** 2) / 0.1)
+    grid = np.stack([u, v - 1.5 * (v - at[1]) * hill, np.zeros_like(u)], axis=2)
+    rise = 3.0 * np.sin(axis / 10.0 * 2.0 * np.pi)
+    ends = [np.column_stack([axis + 20.0, height + rise]) for height in (4.0, 7.0)]
+    assert _folds_within(grid, (axis, axis), ends, tube=True) is seen

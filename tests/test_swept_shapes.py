@@ -89,3 +89,16 @@ def test_a_free_surface_becomes_a_spline_whose_feet_are_nearest():
 def test_too_little_is_told(kind):
     with pytest.raises(NoResultError):
         fit_shape(kind, np.random.default_rng(0).random((5, 3)), noise=0.1)
+
+
+def test_a_profile_does_not_follow_what_is_finer_than_the_noise():
+    """Points about an arc, on either side of it by turns: no curve explains them, and one that tried would zigzag."""
+    rng = np.random.default_rng(2)
+    angle = rng.uniform(0.0, 0.5 * np.pi, 3000)
+    radius = 9.0 + np.where(np.sin(40.0 * angle) > 0.0, 0.3, -0.3) + rng.normal(scale=0.25, size=3000)
+    curve = fit_profile(radius[:, None] * np.c_[np.cos(angle), np.sin(angle)], 0.25)
+    t = np.linspace(*curve.domain, 500)
+    step = np.diff(curve.spline(t), axis=0)
+    turn = np.arctan2(step[1:, 0] * step[:-1, 1] - step[1:, 1] * step[:-1, 0], np.einsum("ij,ij->i", step[1:], step[:-1]))
+    assert curve.freedom <= 3 + 9.0 * 0.5 * np.pi / (4.0 * 0.25)
+    assert np.abs(np.degrees(turn)).max() < 30.0

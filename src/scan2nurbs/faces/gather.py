@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 Pair = tuple[int, int]
 
 CERTAIN = 4.0
-"""Doubt beyond which neighbours are not tangent, even if stray points spoil small ones."""
+"""Doubt beyond which neighbours are not tangent, even if stray points spoil small ones; of those that bend alike any doubt will do."""
 RUNS_ON = 2.0
 """A surface runs on over points that lie within so many deviations of it, root mean square; a fillet bends away much faster."""
 PARTS = 4.0
@@ -92,24 +92,25 @@ def gather(
     certain = {pair for pair in run_on if pairs.doubt[pair] > (1.0 if pair in pairs.even else CERTAIN)}
     joins = sorted({*certain, *pairs.chains(pair for pair in bent if pair in pairs.reach), *sure})
     doubted = {pair: pair in run_on for pair in bent if pairs.doubted(pair)}
-    parent = _continued(size, flat, doubted, sorted(run_on - doubted.keys()), joins)
+    tangent = {pair: pair in pairs.even and not flat[list(pair)].any() for pair in sorted(run_on - doubted.keys())}
+    parent = _continued(size, flat, doubted, tangent, joins)
     return _absorbed(size, {pair: pairs.reach[pair] for pair in smooth}, parent)
 
 
 def _continued(
-    size: NDArray[np.int64], flat: NDArray[np.bool_], doubted: dict[Pair, bool], tangent: list[Pair], joins: list[Pair]
+    size: NDArray[np.int64], flat: NDArray[np.bool_], doubted: dict[Pair, bool], tangent: dict[Pair, bool], joins: list[Pair]
 ) -> NDArray[np.int64]:
     """Let what is freeform for certain go on up to the next crease, over pieces that stand alone where their surface runs on.
 
-    Where most of the points are freeform, it goes on over all pieces that are not tangent. Two freeform pieces are one surface even if
-    they happen to be tangent; a plane in two pieces is no freeform face.
+    Where most of the points are freeform, it goes on over all pieces that are not tangent. What happens to be tangent belongs to it as
+    well if it is freeform too, or bends alike and is no plane. A plane in two pieces is no freeform face.
     """
     parent = joined(len(size), joins)
     plane = joined(len(parent), [(i, j) for i, j in joins if flat[i] and flat[j]])
     while True:
         free = np.bincount(parent[np.unique(plane)], minlength=len(parent))[parent] > 1
         organic = size[free].sum() > MOST * size.sum()
-        either = {pair for pair, runs_on in doubted.items() if runs_on or organic}
+        either = {pair for pair, runs_on in doubted.items() if runs_on or organic} | {pair for pair, alike in tangent.items() if alike}
         more = [pair for pair in [*doubted, *tangent] if free[list(pair)].all() or (pair in either and free[list(pair)].any())]
         wider = joined(len(parent), [*joins, *more])
         if (wider == parent).all():

@@ -113,10 +113,11 @@ def _polynomials(points: Floats, d: Floats) -> tuple[float, int]:
     powers = [x[:, 0] ** i * x[:, 1] ** j * x[:, 2] ** k for i in range(4) for j in range(4) for k in range(4) if i + j + k <= _DEGREE]
     if len(d) < 3 * len(powers):
         powers = [p for p, n in zip(powers, _degrees(), strict=True) if n <= (2 if len(d) >= 30 else 1)]
-    q, s, _ = np.linalg.svd(np.stack(powers, axis=1), full_matrices=False)
-    q = q[:, s > 1e-3 * s[0]]
-    part = q.T @ d
-    return float(part @ part), q.shape[1]
+    a = np.stack(powers, axis=1)
+    value, vector = np.linalg.eigh(a.T @ a)  # squares of the singular values of `a`, a hundred times as fast
+    kept = value > 1e-6 * value[-1]
+    part = vector[:, kept].T @ (a.T @ d)
+    return float(np.sum(part**2 / value[kept])), int(kept.sum())
 
 
 def _degrees() -> list[int]:
