@@ -13,6 +13,8 @@ from scan2nurbs.faces.segmentation import SegmentParams, segment_points
 from scan2nurbs.scale import measure_scale
 
 NOISE = 0.25
+SIZE = np.full(6, 60)
+"""Points of six pieces, few for the length of their borders: long strips."""
 
 
 def segment(points):
@@ -61,30 +63,37 @@ def border(sharper, flatter, bend, other, points=50):
 def test_a_blend_bends_evenly_and_more_than_its_neighbours():
     around = [border(b, face, bend, 0.005) for b, bend in ((2, 0.09), (3, 0.1), (4, 0.105)) for face in (0, 1)]
     chain = [border(3, 2, 0.02, 0.018), border(4, 3, 0.02, 0.018)]
-    assert find_blends([*around, *chain], NOISE).of == {2: 0, 3: 0, 4: 0}
+    assert find_blends([*around, *chain], SIZE, NOISE).of == {2: 0, 3: 0, 4: 0}
 
 
 def test_an_edge_that_is_rounded_unevenly_is_none():
     """As the leading edge of a wing, whose radius changes all along."""
     around = [border(b, face, bend, 0.005) for b, bend in ((2, 0.05), (3, 0.1), (4, 0.2)) for face in (0, 1)]
-    assert find_blends([*around, border(3, 2, 0.02, 0.018), border(4, 3, 0.02, 0.018)], NOISE).of == {}
+    assert find_blends([*around, border(3, 2, 0.02, 0.018), border(4, 3, 0.02, 0.018)], SIZE, NOISE).of == {}
+
+
+def test_a_patch_that_bends_more_than_its_neighbours_is_none():
+    """As the tip of an ear: it is as long as wide."""
+    around = [border(2, 0, 0.1, 0.01), border(2, 1, 0.1, 0.01)]
+    assert find_blends(around, SIZE, NOISE).of == {2: 0}
+    assert find_blends(around, 4 * SIZE, NOISE).of == {}
 
 
 def test_a_step_on_the_way_to_a_sharper_bend_is_none():
     around = [border(1, 0, 0.05, 0.01), border(2, 1, 0.2, 0.05)]
-    assert 1 not in find_blends(around, NOISE).of
+    assert 1 not in find_blends(around, SIZE, NOISE).of
 
 
 def test_bends_that_noise_may_hide_are_no_evidence():
     around = [border(2, 0, 0.02, 0.0), border(2, 1, 0.02, 0.0)]
-    assert find_blends(around, NOISE).of == {}
-    assert find_blends(around, 0.1).of == {2: 0}
+    assert find_blends(around, SIZE, NOISE).of == {}
+    assert find_blends(around, SIZE, 0.1).of == {2: 0}
 
 
 def test_a_blend_is_divided_where_the_faces_that_it_rounds_change():
     """Pieces 3 and 4 lie between top 0 and wall 1, 5 between top and wall 2."""
     around = [border(b, face, 0.1, 0.004) for b, wall in ((3, 1), (4, 1), (5, 2)) for face in (0, wall)]
-    blends = find_blends([*around, border(4, 3, 0.02, 0.018), border(5, 4, 0.02, 0.018)], NOISE)
+    blends = find_blends([*around, border(4, 3, 0.02, 0.018), border(5, 4, 0.02, 0.018)], SIZE, NOISE)
     parent = np.arange(6)
     assert blends.round_alike((3, 4), parent)
     assert not blends.round_alike((4, 5), parent)

@@ -20,6 +20,8 @@ MOST_OF = 0.75
 """Share of a blend's border along which that must hold."""
 GOOD_PART = 0.2
 """Less than this share of a border is left out of account: a blend rounds the faces that take more of a piece's."""
+LONG = 8.0
+"""A blend is so many times longer than wide: a sharp bend on a figurine is a patch."""
 SEEN_OVER = 4.0
 """Two bends differ where they part by more than the noise within so many h of the border."""
 
@@ -99,13 +101,15 @@ class Blends:
         return {face for face, n in points.items() if n >= GOOD_PART * points.total()}
 
 
-def find_blends(borders: Sequence[Border], noise: float) -> Blends:
+def find_blends(borders: Sequence[Border], size: NDArray[np.int64], noise: float) -> Blends:
     """Find the blends among the pieces of smooth surfaces.
 
     Parameters
     ----------
     borders : sequence of Border
         From `smooth_borders`.
+    size : (M,) int64
+        Points of each piece.
     noise : float
         Standard deviation of the points across the surface, in h.
 
@@ -124,7 +128,7 @@ def find_blends(borders: Sequence[Border], noise: float) -> Blends:
         flatter[b.flatter] += b.points if b.bend > EVEN * own.get(b.flatter, 0.0) else 0
     members = {m for m, n in sharper.items() if flatter[m] < GOOD_PART * n}
     groups = _connected(members, [b for b in borders if b.bend <= SHARPER * b.other])
-    of = {m: k for k, group in enumerate(groups) if _is_blend(set(group), borders, noise) for m in group}
+    of = {m: k for k, group in enumerate(groups) if _is_blend(set(group), borders, size, noise) for m in group}
     beside: dict[int, dict[int, int]] = {m: {} for m in of}
     for b in borders:
         if b.sharper in of and b.flatter not in of:
@@ -187,13 +191,14 @@ def _connected(members: set[int], borders: Sequence[Border]) -> list[list[int]]:
     return sorted({min(g): sorted(g) for g in group.values()}.values())
 
 
-def _is_blend(group: set[int], borders: Sequence[Border], noise: float) -> bool:
-    """Tell whether the bend jumps along most of a group's smooth border, to the same value everywhere."""
+def _is_blend(group: set[int], borders: Sequence[Border], size: NDArray[np.int64], noise: float) -> bool:
+    """Tell whether a group is long, and the bend jumps along most of its smooth border, to the same value everywhere."""
     around = [b for b in borders if (b.sharper in group) != (b.flatter in group)]
     points = np.array([b.points for b in around], np.float64)
     bend = np.array([b.bend for b in around])
     jump = np.array([b.jumps(noise) and b.sharper in group for b in around])
-    if not jump.any():
+    length = 0.25 * points[jump].sum()  # the points of either piece along either side
+    if length**2 < LONG * size[list(group)].sum() or not jump.any():
         return False
     order = np.argsort(bend[jump], kind="stable")
     middle = bend[jump][order][np.searchsorted(np.cumsum(points[jump][order]), 0.5 * points[jump].sum())]

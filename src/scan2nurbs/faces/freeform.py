@@ -97,7 +97,8 @@ def join_freeform(pieces: Pieces, on_edge: NDArray[np.bool_], scale: Scale, nois
     doubts = doubt_tangency(pieces.points, pieces.label, pieces.fits, [c.pair for c in smooth], noise=max(noise, 0.01 * scale.h), h=scale.h)
     least = max(noise, LEAST_DEVIATION * scale.h)
     borders = smooth_borders(pieces.points, pieces.label, pieces.fits, contacts, smooth, scale.h)
-    blends = find_blends(borders, least / scale.h)
+    size = np.bincount(pieces.label[pieces.label >= 0], minlength=len(pieces.fits))
+    blends = find_blends(borders, size, least / scale.h)
     bent, smooth = (tuple(c for c in some if not blends.part(c.pair)) for some in (bent, smooth))
     pairs = Pairs(
         reach={c.pair: _runs_on(pieces, contacts, c, least) for c in smooth},
@@ -106,8 +107,7 @@ def join_freeform(pieces: Pieces, on_edge: NDArray[np.bool_], scale: Scale, nois
     )
     by_edges = any(pairs.doubted(c.pair) for c in bent) or bool(pairs.chains(pairs.reach))  # or nothing is joined that edges could part
     bent = tuple(c for c in bent if not _creased(pieces, c, on_edge, scale.h))
-    parent = _gathered(pieces, pairs, bent, smooth, blends)
-    turns = turns_of(pieces.points, pieces.fits, bent, back)
+    parent = _gathered(pieces, size, pairs, bent, smooth, blends)
     turns = turns_of(pieces.points, pieces.fits, bent, back)
     label, fits = pieces.label.copy(), list(pieces.fits)
     doubted = {c.pair for c in bent if pairs.doubted(c.pair) and blends.round_alike(c.pair, parent)}
@@ -119,9 +119,10 @@ def join_freeform(pieces: Pieces, on_edge: NDArray[np.bool_], scale: Scale, nois
     return replace(pieces, label=label, fits=tuple(fits), by_edges=by_edges)
 
 
-def _gathered(pieces: Pieces, pairs: Pairs, bent: Sequence[Contact], smooth: Sequence[Contact], blends: Blends) -> NDArray[np.int64]:
+def _gathered(
+    pieces: Pieces, size: NDArray[np.int64], pairs: Pairs, bent: Sequence[Contact], smooth: Sequence[Contact], blends: Blends
+) -> NDArray[np.int64]:
     """Return the lowest member of the face of each piece: first of those that are no blends, as these lie between faces."""
-    size = np.bincount(pieces.label[pieces.label >= 0], minlength=len(pieces.fits))
     flat = np.array([fit.shape.kind == "plane" for fit in pieces.fits], bool)
     clear, near = [c.pair for c in bent], [c.pair for c in smooth]
     faces = gather(size, flat, pairs, [pair for pair in clear if not blends.within(pair)], near)
