@@ -98,6 +98,9 @@ def test_a_blend_is_divided_where_the_faces_that_it_rounds_change():
     assert blends.round_alike((3, 4), parent)
     assert not blends.round_alike((4, 5), parent)
     assert blends.round_alike((4, 5), np.array([0, 1, 1, 3, 4, 5]))  # both walls are one face
+    freeform = np.array([False, True, False, False, False, False])
+    assert blends.rounds_any((3, 4), parent, freeform)
+    assert not blends.rounds_any((3, 5), parent, ~np.ones(6, bool))
     assert blends.part((0, 3))
     assert not blends.part((4, 5))
 

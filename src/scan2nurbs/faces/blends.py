@@ -23,7 +23,9 @@ GOOD_PART = 0.2
 LONG = 8.0
 """A blend is so many times longer than wide: a sharp bend on a figurine is a patch."""
 SEEN_OVER = 4.0
-"""Two bends differ where they part by more than the noise within so many h of the border."""
+"""Two bends differ where they part by more than the noise within so many h of the border, ..."""
+CLEAR = 0.03
+"""... and in any case where they differ by so much, 1 / h: that can be told over the whole of a piece."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +55,7 @@ class Border:
 
     def jumps(self, noise: float) -> bool:
         """Tell whether one side bends far more than the other, and so that it can be seen at this noise, in h."""
-        return self.bend > SHARPER * self.other and self.bend - self.other > 2.0 * noise / SEEN_OVER**2
+        return self.bend > SHARPER * self.other and self.bend - self.other > min(2.0 * noise / SEEN_OVER**2, CLEAR)
 
 
 @dataclass(frozen=True)
@@ -92,6 +94,19 @@ class Blends:
             return True
         one, other = (self._faces(m, parent) for m in pair)
         return one <= other or other <= one
+
+    def rounds_any(self, pair: tuple[int, int], parent: NDArray[np.int64], faces: NDArray[np.bool_]) -> bool:
+        """Tell whether two pieces lie in one blend beside one of some faces: without a freeform one they would be primitives.
+
+        Parameters
+        ----------
+        pair : (int, int)
+        parent : (M,) int64
+            As in `round_alike`.
+        faces : (M,) bool
+            The lowest members of these faces.
+        """
+        return self.within(pair) and any(faces[face] for m in pair for face in self._faces(m, parent))
 
     def _faces(self, piece: int, parent: NDArray[np.int64]) -> set[int]:
         """Return the faces along a good part of the border of a piece of a blend."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scan2nurbs.errors import InputError, NoResultError
-from scan2nurbs.faces.blends import Blends, find_blends, smooth_borders
+from scan2nurbs.faces.blends import find_blends, smooth_borders
 from scan2nurbs.faces.charts import Turns, charts, turns_of
 from scan2nurbs.faces.compete import MODEL_COST
 from scan2nurbs.faces.contacts import Contact, Contacts, face_contacts, parted_contacts, smooth_contacts
@@ -107,27 +107,48 @@ def join_freeform(pieces: Pieces, on_edge: NDArray[np.bool_], scale: Scale, nois
     )
     by_edges = any(pairs.doubted(c.pair) for c in bent) or bool(pairs.chains(pairs.reach))  # or nothing is joined that edges could part
     bent = tuple(c for c in bent if not _creased(pieces, c, on_edge, scale.h))
-    parent = _gathered(pieces, size, pairs, bent, smooth, blends)
-    turns = turns_of(pieces.points, pieces.fits, bent, back)
+    smooth_pieces = _Smooth(pieces, size, pairs, bent, smooth, turns_of(pieces.points, pieces.fits, bent, back), tuple(kinds), noise)
+    faces = smooth_pieces.join(lambda pair: not blends.within(pair))
+    parent, freeform = np.arange(len(size)), np.zeros(len(size), bool)
+    for members, fit in faces:
+        parent[members], freeform[members[0]] = members[0], fit.shape.kind not in COLUMNS
+    faces += smooth_pieces.join(  # blends come last, as they lie between faces
+        lambda pair: blends.within(pair) and blends.round_alike(pair, parent), lambda pair: blends.rounds_any(pair, parent, freeform)
+    )
     label, fits = pieces.label.copy(), list(pieces.fits)
-    doubted = {c.pair for c in bent if pairs.doubted(c.pair) and blends.round_alike(c.pair, parent)}
-    for group in groups(parent):
-        within = [c for c in bent if c.pair[0] in group and c.pair[1] in group]
-        for members, fit in _fitted(pieces, group, within, turns, _beside(group, doubted, parent), kinds, noise):
-            label[np.isin(label, members)] = members[0]
-            fits[members[0]] = fit
+    for members, fit in faces:
+        label[np.isin(label, members)] = members[0]
+        fits[members[0]] = fit
     return replace(pieces, label=label, fits=tuple(fits), by_edges=by_edges)
 
 
-def _gathered(
-    pieces: Pieces, size: NDArray[np.int64], pairs: Pairs, bent: Sequence[Contact], smooth: Sequence[Contact], blends: Blends
-) -> NDArray[np.int64]:
-    """Return the lowest member of the face of each piece: first of those that are no blends, as these lie between faces."""
-    flat = np.array([fit.shape.kind == "plane" for fit in pieces.fits], bool)
-    clear, near = [c.pair for c in bent], [c.pair for c in smooth]
-    faces = gather(size, flat, pairs, [pair for pair in clear if not blends.within(pair)], near)
-    clear, near = ([pair for pair in some if blends.round_alike(pair, faces)] for some in (clear, near))
-    return gather(size, flat, pairs, clear, near, [pair for pair in near if blends.within(pair)])
+@dataclass(frozen=True)
+class _Smooth:
+    """Pieces with their contacts: those that are no creases, and those where they meet smoothly."""
+
+    pieces: Pieces
+    size: NDArray[np.int64]
+    pairs: Pairs
+    bent: tuple[Contact, ...]
+    smooth: tuple[Contact, ...]
+    turns: Turns
+    kinds: tuple[Kind, ...]
+    noise: float
+
+    def join(
+        self, alike: Callable[[tuple[int, int]], bool], sure: Callable[[tuple[int, int]], bool] = lambda _: False
+    ) -> list[tuple[list[int], ShapeFit]]:
+        """Return the faces of several pieces among those of some pairs, each with its surface; some pairs may belong together for sure."""
+        bent, smooth = ([c for c in some if alike(c.pair)] for some in (self.bent, self.smooth))
+        flat = np.array([fit.shape.kind == "plane" for fit in self.pieces.fits], bool)
+        near = [c.pair for c in smooth]
+        parent = gather(self.size, flat, self.pairs, [c.pair for c in bent], near, [pair for pair in near if sure(pair)])
+        doubted = {c.pair for c in bent if self.pairs.doubted(c.pair)}
+        found = []
+        for group in groups(parent):
+            within = [c for c in bent if c.pair[0] in group and c.pair[1] in group]
+            found += _fitted(self.pieces, group, within, self.turns, _beside(group, doubted, parent), self.kinds, self.noise)
+        return found
 
 
 def _creased(pieces: Pieces, contact: Contact, on_edge: NDArray[np.bool_], h: float) -> bool:
@@ -152,7 +173,7 @@ def _fitted(
     """Return the charts of a group with their fits: the whole of it if that pays, else as few as do; what stays as it is, is left out."""
     whole = _fit(pieces, group, kinds, noise)
     if whole is not None:
-        return [_extended(pieces, group, whole, beside, kinds, noise)]
+        return [_extended(pieces, group, whole, beside, noise)]
     found, left = [], [group]
     for widest in WIDEST:
         failed = []
@@ -174,13 +195,11 @@ def _beside(group: list[int], doubted: set[tuple[int, int]], parent: NDArray[np.
     return sorted({j for pair in doubted for i, j in (pair, pair[::-1]) if i in group and alone[j]})
 
 
-def _extended(
-    pieces: Pieces, group: list[int], fit: ShapeFit, beside: list[int], kinds: Sequence[Kind], noise: float
-) -> tuple[list[int], ShapeFit]:
+def _extended(pieces: Pieces, group: list[int], fit: ShapeFit, beside: list[int], noise: float) -> tuple[list[int], ShapeFit]:
     """Let the surface of a group take in pieces beside it wherever it costs less to describe both at once."""
     for m in beside:
         wider = sorted([*group, m])
-        joint = _fit(pieces, wider, kinds, noise)
+        joint = _fit(pieces, wider, [fit.shape.kind], noise)
         if joint is not None and _price(pieces, wider, joint) < _price(pieces, group, fit) + _price(pieces, [m], pieces.fits[m]):
             group, fit = wider, joint
     return group, fit
@@ -218,8 +237,10 @@ def _fit(pieces: Pieces, members: list[int], kinds: Sequence[Kind], noise: float
 
 def _trials(points: NDArray[np.float64], several: bool, kinds: Sequence[Kind], noise: float) -> Iterator[ShapeFit]:
     """Yield surfaces for the points of some pieces, the simplest first; freeform ones only of several."""
-    with suppress(NoResultError, InputError):
-        yield choose_shape(points, noise=noise, kinds=[kind for kind in kinds if kind in COLUMNS])
+    primitives: list[Kind] = [kind for kind in kinds if kind in COLUMNS]
+    if primitives:
+        with suppress(NoResultError, InputError):
+            yield choose_shape(points, noise=noise, kinds=primitives)
     if several:
         yield from sweeps(points, noise, kinds)
         with suppress(NoResultError, InputError):

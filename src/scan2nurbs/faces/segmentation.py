@@ -92,8 +92,8 @@ class Faces:
     notes : tuple of str
         What the caller should know, one sentence each.
     by_edges : bool
-        Whether it mattered which points are marked as lying on an edge. That is asked only where smooth pieces which are not tangent
-        meet, whether they are one freeform face; elsewhere faces follow from the edges' normals alone.
+        Whether it mattered which points are marked as lying on an edge. That is asked only where smooth pieces meet which are not
+        tangent, or make a long chain, whether they are one freeform face; elsewhere faces follow from the edges' normals alone.
     """
 
     label: NDArray[np.int32]
