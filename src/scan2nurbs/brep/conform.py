@@ -237,8 +237,8 @@ def _nodes(chart: Chart, uv: Floats, moved: NDArray[np.bool_], axis: int, around
     else:
         fine = fine[:0]
     nodes = np.unique(np.concatenate([coarse, fine]))
-    # Nodes much closer than their neighbours, or than the border is known, would make the spline wave.
-    least = 0.3 * step
+    # Nodes much closer than their neighbours would make the spline wave.
+    least = 0.3 * min(step, float(np.diff(coarse).min()))
     kept = [nodes[0]]
     for x in nodes[1:-1]:
         if x - kept[-1] >= least and nodes[-1] - x >= least:
