@@ -127,6 +127,15 @@ def test_a_plane_in_two_pieces_does_not_spread_as_a_freeform_face():
     assert groups(gather(size, np.zeros(4, bool), about, pairs, pairs)) == [[0, 1, 2, 3]]
 
 
+@pytest.mark.parametrize(("flat", "even", "whole"), [(False, True, True), (True, True, False), (False, False, False)])
+def test_a_freeform_face_goes_on_over_what_bends_alike_but_not_over_planes(flat, even, whole):
+    """Pieces 0 and 1 are freeform for certain; 2 is tangent to 1, and as large."""
+    pairs = [(0, 1), (1, 2)]
+    about = Pairs(reach=dict.fromkeys(pairs, (1.2, 2.5)), doubt={(0, 1): 9.0, (1, 2): 0.5}, even=frozenset({(1, 2)} if even else set()))
+    found = groups(gather(np.full(3, 100), np.array([False, False, flat]), about, pairs, pairs[:1]))
+    assert found == [[0, 1, 2] if whole else [0, 1]]
+
+
 def test_a_revolved_profile_is_one_face():
     """It is cut into tori and cones first, nearly all of them tangent."""
     rng = np.random.default_rng(6)

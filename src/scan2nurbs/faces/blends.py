@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scan2nurbs.faces.contacts import Contact, Contacts, ways
+from scan2nurbs.faces.gather import joined
 from scan2nurbs.surfaces.shape_fit import ShapeFit
 
 SHARPER = 3.0
@@ -198,12 +199,11 @@ def _border(
 
 
 def _connected(members: set[int], borders: Sequence[Border]) -> list[list[int]]:
-    group = {m: {m} for m in sorted(members)}
-    for b in borders:
-        if b.sharper in group and b.flatter in group and group[b.sharper] is not group[b.flatter]:
-            both = group[b.sharper] | group[b.flatter]
-            group.update(dict.fromkeys(both, both))
-    return sorted({min(g): sorted(g) for g in group.values()}.values())
+    numbers = sorted(members)
+    place = {m: k for k, m in enumerate(numbers)}
+    pairs = [(place[b.sharper], place[b.flatter]) for b in borders if b.sharper in place and b.flatter in place]
+    parent = joined(len(numbers), pairs)
+    return [[numbers[k] for k in np.flatnonzero(parent == top)] for top in np.unique(parent)]
 
 
 def _is_blend(group: set[int], borders: Sequence[Border], size: NDArray[np.int64], noise: float) -> bool:
