@@ -38,7 +38,7 @@ def read_quickly(block: bytes, layout: Layout, *, long: bool) -> NDArray[np.floa
     Returns
     -------
     (N, 3) float64 or None
-        None where the block holds, or may hold, anything but rows of numbers.
+        In any order of memory. None where the block holds, or may hold, anything but rows of numbers.
     """
     if layout.decimal_comma:
         block = block.replace(b",", b".")
@@ -61,17 +61,23 @@ def _by_polars(block: bytes, layout: Layout) -> NDArray[np.float64] | None:
     if layout.separator is not None:
         return _separated(block.strip(b"\r\n"), layout)
     # Where two spaces stand side by side, an empty column seems to lie between them, and the block is declined: rows of `width` columns
-    # have none to spare.
+    # have none to spare. Other white space makes part of a number, and no number of it, or stands before one and is passed over.
     if layout.width is not None and not _pads(block):
-        rows = _separated(block.strip(), layout)
+        rows = _separated(_trimmed(block), layout)
         if rows is not None:
             return rows
     return _separated(_squeezed(block), layout)
 
 
+def _trimmed(block: bytes) -> bytes:
+    """Leave out white space before the first row and behind the last; not the end of its line, since that would copy the whole block."""
+    return block if not block[:1].isspace() and not block[-2:-1].isspace() and block.endswith(b"\n") else block.strip()
+
+
 def _pads(block: bytes) -> bool:
-    """Tell whether columns are parted by more than a space each: by what is seen at the beginning, or by white space of another kind."""
-    return b"  " in block[:_SEEN] or any(blank in block for blank in (b"\t", b"\r", b"\v", b"\f"))
+    """Tell, by what is seen at the beginning, whether columns are parted by more than a space each, or by white space of another kind."""
+    seen = block[:_SEEN]
+    return any(blank in seen for blank in (b"  ", b"\t", b"\r", b"\v", b"\f"))
 
 
 def _separated(block: bytes, layout: Layout) -> NDArray[np.float64] | None:
@@ -108,7 +114,7 @@ def _separated(block: bytes, layout: Layout) -> NDArray[np.float64] | None:
         words = [frame[name] for name in {"0", f"{width - 1}"} - set(wanted)]
         if any((column.str.strip_chars() == "").any() for column in words):
             return None
-    return frame.select(wanted).to_numpy(order="c")
+    return frame.select(wanted).to_numpy()
 
 
 def _squeezed(block: bytes) -> bytes:

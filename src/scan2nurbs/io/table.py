@@ -156,8 +156,10 @@ def _lines_at(source: Source, start: int, line: int) -> bytes:
 
 def _whole_lines(source: Source, start: int, most: int) -> bytes:
     """Return the lines that begin at byte `start`, at most so many bytes of them; none if the first is longer."""
-    block = source.data[start : start + most]
-    return block if start + len(block) == len(source.data) else block[: block.rfind(b"\n") + 1]
+    end = start + most
+    if end < len(source.data):
+        end = max(start, source.data.rfind(b"\n", start, end) + 1)
+    return source.data[start:end]
 
 
 def _first_lines(block: bytes, n: int | None) -> bytes:

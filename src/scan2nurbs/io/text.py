@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 
@@ -105,7 +106,7 @@ def _sample(source: Source, start: int) -> tuple[bytes, ...]:
     lines = source.data[start : start + _HEAD].split(b"\n")
     whole = lines if start + _HEAD >= len(source.data) or len(lines) == 1 else lines[:-1]
     bodies = (strip_comment(text) for text in whole)
-    return tuple(body for body in bodies if body and not body.startswith(b";"))[:_SAMPLE]
+    return tuple(islice((body for body in bodies if body and not body.startswith(b";")), _SAMPLE))
 
 
 def _looks_numeric(body: bytes) -> bool:
