@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from scan2nurbs.faces.compete import MODEL_COST, Sheet, grouped
 from scan2nurbs.faces.model_shapes import field
 from scan2nurbs.faces.unite import contacts
+from scan2nurbs.kernels.gauss_newton import refine
 from scan2nurbs.kernels.growth import DISTANCE_CAP
-from scan2nurbs.kernels.primitives import CYLINDER, PATCH, SIZE, TORUS, refine
+from scan2nurbs.kernels.primitives import CYLINDER, PATCH, SIZE, TORUS
 
 RADII = 0.9 * 1.15 ** np.arange(16)
 """Radii to try, in h: smaller fillets are as good as sharp at any noise, larger ones are found like every other face."""

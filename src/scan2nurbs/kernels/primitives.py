@@ -1,4 +1,4 @@
-"""Planes, cylinders, cones, spheres, tori and cubic patches as plain numbers: their distances, and fits to lists of points.
+"""Planes, cylinders, cones, spheres, tori and cubic patches as plain numbers: their distances, and patches through lists of points.
 
 A model is a row of `SIZE` numbers, in units of h: kind, point (3), axis (3), two shape numbers (radius; half-angle or minor radius),
 and for patches the direction of u (3), the reach and ten coefficients of w(u, v) / reach.
@@ -14,7 +14,6 @@ PLANE, CYLINDER, CONE, SPHERE, TORUS, PATCH = range(6)
 FREEDOM = (3, 5, 6, 4, 7, 10)
 KIND_NAMES = ("plane", "cylinder", "cone", "sphere", "torus", "bspline")
 SIZE = 24
-_RIDGE = 1e-8
 
 
 @kernel
@@ -88,127 +87,6 @@ def solve_damped(a, b, n, ridge):
         for k in range(i + 1, n):
             s -= a[k, i] * b[k]
         b[i] = s / a[i, i]
-
-
-@kernel
-def refine(m, points, index, n, sigma, rounds):
-    """Fit a model to points[index[:n]] by Gauss-Newton steps of robust weighted squares, in place.
-
-    Returns
-    -------
-    float
-        Robust mean square of the distances before the last step.
-
-    Notes
-    -----
-    Moving the surface by t and turning it by ω about its point changes the distance by −n·t − ((p − c) × n)·ω, whatever its shape; what
-    leaves the surface in place is held by a ridge. Weights (1 + (d/3s)²)⁻² (Geman and McClure), s the larger of noise and rms.
-    """
-    if int(m[0]) == PATCH:
-        return fit_patch(m, points, index, n, sigma, rounds)
-    stride = max(1, n // 700)
-    a, b, row = np.empty((8, 8)), np.empty(8), np.empty(8)
-    spread = 4.0 * sigma
-    square = 0.0
-    for _ in range(rounds):
-        size = _centre_axis(m, points, index, n, stride)
-        a[:] = 0.0
-        b[:] = 0.0
-        square, weights = 0.0, 0.0
-        for k in range(0, n, stride):
-            i = index[k]
-            d = _row(m, points[i, 0], points[i, 1], points[i, 2], size, row)
-            t = d / (3.0 * spread)
-            w = 1.0 / ((1.0 + t * t) * (1.0 + t * t))
-            square += w * d * d
-            weights += w
-            for p in range(8):
-                f = w * row[p]
-                b[p] -= f * d
-                for q in range(p + 1):
-                    a[p, q] += f * row[q]
-        square /= max(weights, 1e-300)
-        spread = max(sigma, min(spread, np.sqrt(square)))
-        solve_damped(a, b, 8, _RIDGE)
-        _move(m, b, size)
-    return square
-
-
-@kernel
-def _row(m, px, py, pz, size, row):
-    """Write the derivatives of the distance by pose and shape; return the distance."""
-    d, nx, ny, nz = distance_of(m, px, py, pz)
-    x, y, z = (px - m[1]) / size, (py - m[2]) / size, (pz - m[3]) / size
-    row[0], row[1], row[2] = -nx, -ny, -nz
-    row[3], row[4], row[5] = z * ny - y * nz, x * nz - z * nx, y * nx - x * ny
-    row[6], row[7] = 0.0, 0.0
-    kind = int(m[0])
-    if kind in (CYLINDER, SPHERE):
-        row[6] = -1.0
-    elif kind in (CONE, TORUS):
-        along = x * m[4] + y * m[5] + z * m[6]
-        rx, ry, rz = x - along * m[4], y - along * m[5], z - along * m[6]
-        rho = np.sqrt(rx * rx + ry * ry + rz * rz)
-        if kind == CONE:
-            c, s = np.cos(m[8]), np.sin(m[8])
-            row[6] = -c
-            row[7] = -(rho - m[7] / size) * s - along * c
-        else:
-            across = rho - m[7] / size
-            row[6] = -across / (np.sqrt(across * across + along * along) + 1e-30)
-            row[7] = -1.0
-    return d
-
-
-@kernel
-def _centre_axis(m, points, index, n, stride):
-    """Slide the point of a plane, cylinder or cone to amid the data; return the data's extent about it."""
-    kind = int(m[0])
-    cx, cy, cz, count = 0.0, 0.0, 0.0, 0
-    for k in range(0, n, stride):
-        i = index[k]
-        cx += points[i, 0]
-        cy += points[i, 1]
-        cz += points[i, 2]
-        count += 1
-    cx, cy, cz = cx / count, cy / count, cz / count
-    along = (cx - m[1]) * m[4] + (cy - m[2]) * m[5] + (cz - m[3]) * m[6]
-    if kind == PLANE:
-        m[1], m[2], m[3] = cx - along * m[4], cy - along * m[5], cz - along * m[6]
-    elif kind in (CYLINDER, CONE):
-        m[1] += along * m[4]
-        m[2] += along * m[5]
-        m[3] += along * m[6]
-        if kind == CONE:
-            m[7] += along * np.tan(m[8])
-    size = 0.0
-    for k in range(0, n, stride):
-        i = index[k]
-        size += (points[i, 0] - cx) ** 2 + (points[i, 1] - cy) ** 2 + (points[i, 2] - cz) ** 2
-    return max(np.sqrt(size / count), 1e-9)
-
-
-@kernel
-def _move(m, step, size):
-    kind = int(m[0])
-    for k in range(3):
-        m[1 + k] += max(min(step[k], 5.0 * size), -5.0 * size)
-    wx, wy, wz = step[3] / size, step[4] / size, step[5] / size
-    turn = np.sqrt(wx * wx + wy * wy + wz * wz)
-    if turn > 0.5:
-        wx, wy, wz = 0.5 * wx / turn, 0.5 * wy / turn, 0.5 * wz / turn
-    ax, ay, az = m[4], m[5], m[6]
-    m[4], m[5], m[6] = ax + wy * az - wz * ay, ay + wz * ax - wx * az, az + wx * ay - wy * ax
-    length = np.sqrt(m[4] * m[4] + m[5] * m[5] + m[6] * m[6])
-    for k in range(4, 7):
-        m[k] /= length
-    if kind in (CYLINDER, SPHERE, TORUS):
-        m[7] += max(min(step[6], 5.0 * size), -0.7 * m[7])
-    if kind == TORUS:
-        m[8] += max(min(step[7], 5.0 * size), -0.7 * m[8])
-    if kind == CONE:
-        m[7] += step[6]
-        m[8] = max(min(m[8] + max(min(step[7] / size, 0.3), -0.3), 1.5), -1.5)
 
 
 @kernel

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from scan2nurbs.kernels.gauss_newton import refine
 from scan2nurbs.kernels.growth import DISTANCE_CAP
-from scan2nurbs.kernels.primitives import CONE, CYLINDER, FREEDOM, PATCH, PLANE, SIZE, SPHERE, TORUS, distance_of, refine
+from scan2nurbs.kernels.primitives import CONE, CYLINDER, FREEDOM, PATCH, PLANE, SIZE, SPHERE, TORUS, distance_of
 from scan2nurbs.kernels.runner import kernel
 from scan2nurbs.kernels.starts import best_start, curvatures
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from scan2nurbs.kernels.primitives import CONE, CYLINDER, PATCH, PLANE, SIZE, SPHERE, fit_patch, frame_of, refine, solve_damped
+from scan2nurbs.kernels.gauss_newton import refine
+from scan2nurbs.kernels.primitives import CONE, CYLINDER, PATCH, PLANE, SIZE, SPHERE, fit_patch, frame_of, solve_damped
 from scan2nurbs.kernels.runner import kernel
 
 TRIALS = (0.0, 0.5, -0.5, 1.0, -1.0)
