@@ -14,7 +14,7 @@ from scan2nurbs.brep.known import Known
 from scan2nurbs.brep.meeting import Loose, Meeting
 from scan2nurbs.brep.space import SpaceCurve, lay_curve, simple_curve
 from scan2nurbs.faces.topology import Border
-from scan2nurbs.surfaces.shape import Shape, unit
+from scan2nurbs.surfaces.shape import Shape, cross, unit
 
 Floats = NDArray[np.float64]
 
@@ -256,11 +256,12 @@ def _vertex(start: Floats, shapes: list[Shape], guides: list[_Guide], h: float, 
     for _ in range(12):
         rows, right = [prior * np.eye(3)], [prior * (start - at)]
         for shape in shapes:
-            rows.append(shape.normal(at[None]))
-            right.append(-shape.distance(at[None]))
+            distance, normal = shape.distance_and_normal(at[None])
+            rows.append(normal)
+            right.append(-distance)
         for guide in guides:
             near = int(np.argmin(np.linalg.norm(guide.points - at, axis=1)))
-            across = unit(np.cross(guide.meeting.shapes[0].normal(at[None])[0], guide.along[near]))
+            across = unit(cross(guide.meeting.shapes[0].normal(at[None]), guide.along[near : near + 1]))[0]
             # A line of contact that ends aside of its vertex would hook across its neighbours to get there.
             weight = max(_CONTACT, _FIRM * prior) if guide.mode == 1 else _GUIDE
             rows.append(weight * across[None])

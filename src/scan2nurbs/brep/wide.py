@@ -12,7 +12,7 @@ from scan2nurbs.brep.swept import extruded, revolved
 from scan2nurbs.surfaces.bspline import BSplineSurface
 from scan2nurbs.surfaces.extend import extend
 from scan2nurbs.surfaces.project import foot_points
-from scan2nurbs.surfaces.shape import Floats, Kind
+from scan2nurbs.surfaces.shape import Floats, Kind, cross, unit
 
 _SEEDS = 24
 _BEYOND = 0.2
@@ -40,7 +40,7 @@ class WideSpline:
     def __post_init__(self) -> None:
         """Lay out the seeds from which feet are found."""
         (u0, u1), (v0, v1) = self.surface.domain
-        count = [max(_SEEDS, 3 * (len(np.unique(k)) - 1)) for k in self.surface.knots]
+        count = [max(_SEEDS, 3 * n) for n in self.surface.spans]
         u, v = np.meshgrid(np.linspace(u0, u1, count[0]), np.linspace(v0, v1, count[1]), indexing="ij")
         seeds = np.column_stack([u.ravel(), v.ravel()])
         object.__setattr__(self, "_seeds", seeds)
@@ -57,22 +57,22 @@ class WideSpline:
 
     def distance(self, points: Floats) -> Floats:
         """Return the signed distances (N,) along the normals."""
-        uv = self.parameters(points)
-        return np.einsum("nk,nk->n", points - self.surface.evaluate(uv), self._normals(uv))
+        return self.distance_and_normal(points)[0]
 
     def normal(self, points: Floats) -> Floats:
         """Return the unit normals (N, 3) at the feet."""
-        return self._normals(self.parameters(points))
+        return self.distance_and_normal(points)[1]
+
+    def distance_and_normal(self, points: Floats) -> tuple[Floats, Floats]:
+        """Return the signed distances (N,) along the normals, and the unit normals (N, 3) at the feet."""
+        feet, along_u, along_v = np.moveaxis(self.surface.derivatives(self.parameters(points)), 1, 0)
+        normal = unit(cross(along_u, along_v))
+        normal[~normal.any(axis=1)] = [0.0, 0.0, 1.0]
+        return np.einsum("nk,nk->n", points - feet, normal), normal
 
     def foot(self, points: Floats) -> Floats:
         """Return the nearest points (N, 3) of the surface."""
         return self.surface.evaluate(self.parameters(points))
-
-    def _normals(self, uv: Floats) -> Floats:
-        normals = self.surface.normals(uv)
-        lost = ~np.isfinite(normals).all(axis=1)
-        normals[lost] = [0.0, 0.0, 1.0]
-        return normals
 
 
 def widened(shape: Any, points: Floats, h: float) -> Any:

@@ -10,10 +10,11 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from scan2nurbs.faces.model_shapes import signed_distances
-from scan2nurbs.kernels.growth import DISTANCE_CAP, NONE_COST, NOTICEABLE
+from scan2nurbs.kernels.growth import DISTANCE_CAP, NONE_COST
 from scan2nurbs.kernels.labelling import candidate_costs, choose_labels, nearby_labels
 from scan2nurbs.kernels.offers import fill_candidates, offer_models
 from scan2nurbs.kernels.primitives import FREEDOM
+from scan2nurbs.kernels.proposals import NOTICEABLE
 from scan2nurbs.kernels.refits import refit_all, refit_amid
 from scan2nurbs.kernels.runner import kernel, run_ranges
 

@@ -63,7 +63,7 @@ def measure(points: Floats, faces: NDArray[np.int32], shapes: Sequence[Shape]) -
     for a, b in pairwise(np.flatnonzero(np.r_[True, wanted[1:] != wanted[:-1], True]) if len(wanted) else []):
         r, c = rows[a:b], columns[a:b]
         shape = shapes[int(wanted[a])]
-        distance[r, c], normal[r, c] = shape.distance(points[r]), shape.normal(points[r])
+        distance[r, c], normal[r, c] = shape.distance_and_normal(points[r])
     bad = ~(np.isfinite(distance) & np.isfinite(normal).all(axis=2))
     distance[bad], normal[bad] = 0.0, 0.0
     return distance, normal

@@ -22,9 +22,9 @@ from scan2nurbs.faces.lost import find_lost
 from scan2nurbs.faces.profiles import split_profiles
 from scan2nurbs.faces.unite import unite
 from scan2nurbs.kernels.bends import unevenness
-from scan2nurbs.kernels.growth import NONE_COST, propose
 from scan2nurbs.kernels.labelling import candidate_costs
-from scan2nurbs.kernels.primitives import CYLINDER, PATCH, PLANE, SIZE, TORUS
+from scan2nurbs.kernels.primitives import CYLINDER, PATCH, PLANE, TORUS
+from scan2nurbs.kernels.proposals import propose
 from scan2nurbs.kernels.runner import Progress
 
 MOST_MODELS = 6000
@@ -64,16 +64,19 @@ def find_primitives(
     label : (N,) int32
     models : (M, SIZE) float64
     """
-    n = len(sheet.points)
     seeds = np.argsort(unevenness(curvature, sheet.neighbours), kind="stable").astype(np.int32)
-    models = np.zeros((MOST_MODELS, SIZE))
-    best, own = np.full(n, NONE_COST), np.full(n, -1, np.int32)
-    candidates, offers = np.full((n, CANDIDATES), -1, np.int32), np.full((n, CANDIDATES), np.inf)
-    count = propose(
-        sheet.points, one_sided, sheet.neighbours, seeds, kinds, sheet.sigma, sheet.tilt, LEAST_SEED, models, best, own, candidates, offers
+    models, label, candidates = propose(
+        sheet.points,
+        one_sided,
+        sheet.neighbours,
+        seeds,
+        kinds,
+        sheet.sigma,
+        sheet.tilt,
+        least=LEAST_SEED,
+        most=MOST_MODELS,
+        room=CANDIDATES,
     )
-    models = models[:count].copy()
-    label = own
     refits = kinds.copy()
     refits[PATCH] = False
     for step in range(ROUNDS):

@@ -1,11 +1,11 @@
-"""Growing primitives from seeds over a graph of neighbours: the proposals among which a segmentation chooses."""
+"""Growing primitives over a graph of neighbours, each from the neighbourhood of a point."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from scan2nurbs.kernels.gauss_newton import refine
-from scan2nurbs.kernels.primitives import CONE, CYLINDER, FREEDOM, PATCH, PLANE, SIZE, SPHERE, TORUS, distance_of
+from scan2nurbs.kernels.primitives import CONE, CYLINDER, FREEDOM, PATCH, PLANE, SPHERE, TORUS, distance_of
 from scan2nurbs.kernels.runner import kernel
 from scan2nurbs.kernels.starts import best_start, curvatures
 
@@ -14,13 +14,8 @@ FAR = 3.0
 DISTANCE_CAP = 4.5
 NORMAL_CAP = 2.0
 NONE_COST = 6.0
-MODEL_COST = 10.0
-NOTICEABLE = 0.5
-"""Two fits to the same face differ by less than this at its points."""
 ENOUGH = 2500
 """A model is as good as known from so many points."""
-_SCALES = (20, 50, 130)
-_TURNS = (0.6, 0.8, 0.9)
 _COSINE = 0.8
 
 
@@ -139,163 +134,8 @@ def gain_of(m, points, normals, region, n, sigma, tilt):
 
 
 @kernel
-def propose(points, normals, neighbours, seeds, kinds, sigma, tilt, least, models, best, own, candidates, offers):
-    """Grow models from the seeds that no earlier model explains.
-
-    Parameters
-    ----------
-    points, normals : (N, 3) float64
-        In units of h; normals are lines, NaN where undefined.
-    neighbours : (N, k) int32
-    seeds : (S,) int32
-        In the order in which they are tried.
-    kinds : (6,) bool
-        Kinds that may be grown.
-    sigma, tilt : float
-        Noise across the surface, in h, and of the normals, as a sine.
-    least : int
-        Smaller regions are not kept.
-    models : (M, SIZE) float64
-        Receives the models.
-    best : (N,) float64
-        Least cost of each point so far.
-    own : (N,) int32
-        Model of that cost, −1 for none.
-    candidates : (N, K) int32
-        Receives the K cheapest models whose regions hold each point, −1 where there are fewer.
-    offers : (N, K) float64
-        Their costs, infinite to begin with.
-
-    Returns
-    -------
-    int
-        How many models there are.
-    """
-    n_points = len(points)
-    stamp = np.zeros(n_points, np.int32)
-    mark = 0
-    queue, first = np.empty(n_points, np.int32), np.empty(n_points, np.int32)
-    region, kept = np.empty(n_points, np.int32), np.empty(n_points, np.int32)
-    tried = np.zeros(n_points, np.bool_)
-    m, chosen = np.zeros(SIZE), np.zeros(SIZE)
-    n_models = 0
-    for seed in seeds:
-        if tried[seed] or explained(points, normals, neighbours, models, candidates, seed, sigma):
-            continue
-        n_kept, n_first, top = 0, 0, 0.0
-        for scale in range(len(_SCALES) - 1, -1, -1):
-            mark += 1
-            n_first = neighbourhood(neighbours, normals, seed, _SCALES[scale], _TURNS[scale], stamp, mark, first)
-            if n_first < 0.7 * _SCALES[scale] or _known(points, models, own, first, n_first, sigma):
-                continue
-            n, gain, mark = _grow_best(
-                points,
-                normals,
-                neighbours,
-                kinds,
-                first,
-                n_first,
-                sigma,
-                tilt,
-                m,
-                stamp,
-                mark,
-                queue,
-                region,
-                scale,
-                chosen,
-                kept,
-                n_kept,
-                top,
-            )
-            if n > 0:
-                n_kept, top = n, gain
-            if n_kept > 4 * _SCALES[scale]:
-                break
-        tried[seed] = True
-        if n_kept < least or _marginal(chosen, points, normals, kept, n_kept, best, sigma, tilt) <= 0.0:
-            tried[neighbours[seed]] = True  # −1 stands for the last point, which is no loss
-            continue
-        if n_models == len(models):
-            break
-        models[n_models] = chosen
-        if n_kept >= ENOUGH:
-            mark += 1
-            n_kept = flood(chosen, points, normals, neighbours, first, n_first, FAR * sigma, n_points, stamp, mark, kept)
-        for k in range(n_kept):
-            i = kept[k]
-            cost = cost_of(chosen, points, normals, i, sigma, tilt)
-            _remember(candidates, offers, i, n_models, cost)
-            if cost < best[i]:
-                best[i] = cost
-                own[i] = n_models
-        n_models += 1
-    return n_models
-
-
-@kernel
-def _remember(candidates, offers, i, model, cost):
-    """Put a model among the cheapest of a point."""
-    worst = 0
-    for k in range(1, candidates.shape[1]):
-        if offers[i, k] > offers[i, worst]:
-            worst = k
-    if cost < offers[i, worst]:
-        offers[i, worst] = cost
-        candidates[i, worst] = model
-
-
-@kernel
-def _marginal(m, points, normals, region, n, best, sigma, tilt):
-    """Return by how much a model lowers the least cost of its region, less its own cost."""
-    gain = 0.0
-    for k in range(n):
-        gain += max(best[region[k]] - cost_of(m, points, normals, region[k], sigma, tilt) - NOTICEABLE, 0.0)
-    return gain - 0.5 * FREEDOM[int(m[0])] * np.log(max(n, 2)) - MODEL_COST
-
-
-@kernel
-def explained(points, normals, neighbours, models, candidates, i, sigma):
-    """Tell whether any model whose region holds a point fits it and its neighbours without bias."""
-    for c in range(candidates.shape[1]):
-        label = candidates[i, c]
-        if label < 0:
-            continue
-        d, _, _, _ = distance_of(models[label], points[i, 0], points[i, 1], points[i, 2])
-        if abs(d) > FAR * sigma:
-            continue
-        total, count = d, 1
-        for k in range(neighbours.shape[1]):
-            j = neighbours[i, k]
-            if j >= 0:
-                d, _, _, _ = distance_of(models[label], points[j, 0], points[j, 1], points[j, 2])
-                if abs(d) < 4.0 * sigma:
-                    total += d
-                    count += 1
-        if count > 6 and abs(total) < 2.5 * sigma * np.sqrt(count):
-            return True
-    return False
-
-
-@kernel
-def _known(points, models, own, first, n, sigma):
-    """Tell whether the model of a neighbourhood's first point explains nearly all of it without bias."""
-    label = own[first[0]]
-    if label < 0:
-        return False
-    total, count = 0.0, 0
-    for k in range(n):
-        i = first[k]
-        d, _, _, _ = distance_of(models[label], points[i, 0], points[i, 1], points[i, 2])
-        if abs(d) < FAR * sigma:
-            total += d
-            count += 1
-    return count > 0.9 * n and abs(total) < 3.0 * sigma * np.sqrt(count)
-
-
-@kernel
-def _grow_best(
-    points, normals, neighbours, kinds, first, n_first, sigma, tilt, m, stamp, mark, queue, region, scale, chosen, kept, n_kept, top
+def grow_best(
+    points, normals, neighbours, kinds, first, n_first, sigma, tilt, m, stamp, mark, queue, region, reach, chosen, kept, n_kept, top
 ):
     """Grow every kind from one neighbourhood, the simple ones first, and keep the best; return its size, gain, and the last mark."""
     bend = np.empty(14)
@@ -324,7 +164,7 @@ def _grow_best(
             n_kept, top, kept_any = n, gain, True
             kept[:n] = region[:n]
             chosen[:] = m
-            settled = n > 4 * _SCALES[scale] and n > 200 and _rms(m, points, region, n) < 1.06 * sigma
+            settled = n > 4 * reach and n > 200 and _rms(m, points, region, n) < 1.06 * sigma
     return (n_kept if kept_any else 0), top, mark
 
 

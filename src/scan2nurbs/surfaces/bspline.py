@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,6 +12,7 @@ from scipy.interpolate import make_interp_spline
 from scan2nurbs.errors import ParameterError
 from scan2nurbs.kernels.bspline import MAX_DEGREE, evaluate_range
 from scan2nurbs.kernels.runner import run_ranges
+from scan2nurbs.surfaces.shape import cross
 
 _RANGE = 16384
 
@@ -60,6 +62,12 @@ class BSplineSurface:
         (u, v) = self.knots
         return (float(u[0]), float(u[-1])), (float(v[0]), float(v[-1]))
 
+    @cached_property
+    def spans(self) -> tuple[int, int]:
+        """How many polynomial pieces there are in u and in v."""
+        u, v = (len(np.unique(k)) - 1 for k in self.knots)
+        return u, v
+
     def evaluate(self, uv: ArrayLike) -> NDArray[np.float64]:
         """Return the points S(u, v), (N, 3), at parameters (N, 2) inside the domain."""
         return self._derivatives(uv, 0)[:, 0]
@@ -73,7 +81,7 @@ class BSplineSurface:
     def normals(self, uv: ArrayLike) -> NDArray[np.float64]:
         """Return the unit normals Su × Sv, (N, 3), at parameters (N, 2); NaN where the surface is degenerate."""
         d = self._derivatives(uv, 1)
-        normals = np.cross(d[:, 1], d[:, 2])
+        normals = cross(d[:, 1], d[:, 2])
         length = np.linalg.norm(normals, axis=1, keepdims=True)
         return np.divide(normals, length, out=np.full_like(normals, np.nan), where=length > 0)
 
@@ -94,13 +102,16 @@ class BSplineSurface:
         for name, column, (low, high) in zip("uv", uv.T, self.domain, strict=True):
             if not (np.isfinite(column).all() and (column >= low).all() and (column <= high).all()):
                 raise ParameterError(f"The parameters {name} must lie in [{low}, {high}].")
-        rational = bool((self.weights != self.weights[0, 0]).any())
-        control = np.ascontiguousarray(self.control_points, dtype=np.float64)
-        if rational:
-            w = self.weights[..., None]
-            control = np.ascontiguousarray(np.concatenate([control * w, w], axis=2))
-        out = evaluate_spline(self.knots, self.degrees, control, uv, order)
-        return _project(out) if rational else out
+        out = evaluate_spline(self.knots, self.degrees, self._homogeneous, uv, order)
+        return _project(out) if out.shape[2] == 4 else out
+
+    @cached_property
+    def _homogeneous(self) -> NDArray[np.float64]:
+        """The control points, with their weights (n_u, n_v, 4) where these differ."""
+        if not (self.weights != self.weights[0, 0]).any():
+            return np.ascontiguousarray(self.control_points, dtype=np.float64)
+        w = self.weights[..., None]
+        return np.ascontiguousarray(np.concatenate([self.control_points * w, w], axis=2))
 
 
 def bicubic(

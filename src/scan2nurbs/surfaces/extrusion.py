@@ -50,4 +50,9 @@ class Extrusion(Analytic):
 
     def normal(self, points: Floats) -> Floats:
         """Return the unit normals (N, 3)."""
-        return self.profile.distance(self.flat(points))[1] @ np.stack(perpendicular(self.direction))
+        return self.distance_and_normal(points)[1]
+
+    def distance_and_normal(self, points: Floats) -> tuple[Floats, Floats]:
+        """Return the signed distances (N,) and the unit normals (N, 3)."""
+        distance, normal = self.profile.distance(self.flat(points))
+        return distance, normal @ np.stack(perpendicular(self.direction))

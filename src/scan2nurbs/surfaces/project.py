@@ -51,8 +51,7 @@ def foot_points(surface: BSplineSurface, points: NDArray[np.float64], start: NDA
     points = np.ascontiguousarray(points, dtype=np.float64)
     residuals = np.zeros((len(points), 2))
     (knots_u, knots_v), (p, q), (closed_u, closed_v) = surface.knots, surface.degrees, surface.closed
-    spans = [len(np.unique(k)) - 1 for k in surface.knots]
-    reach = 0.5 * max((high - low) / n for (low, high), n in zip(surface.domain, spans, strict=True))
+    reach = 0.5 * max((high - low) / n for (low, high), n in zip(surface.domain, surface.spans, strict=True))
 
     def work(begin: int, end: int) -> None:
         foot_points_range(

@@ -47,6 +47,10 @@ class Revolution(Analytic):
 
     def normal(self, points: Floats) -> Floats:
         """Return the unit normals (N, 3)."""
+        return self.distance_and_normal(points)[1]
+
+    def distance_and_normal(self, points: Floats) -> tuple[Floats, Floats]:
+        """Return the signed distances (N,) and the unit normals (N, 3)."""
         height, radius, away = split(points, self.point, self.axis)
-        across = self.meridian.distance(np.stack([radius, height], axis=1))[1]
-        return across[:, :1] * away + across[:, 1:] * self.axis
+        distance, across = self.meridian.distance(np.stack([radius, height], axis=1))
+        return distance, across[:, :1] * away + across[:, 1:] * self.axis

@@ -44,6 +44,10 @@ class Shape(Protocol):
         """Return the unit gradients (N, 3) of the distance at points (N, 3): the surface's normals at their feet."""
         ...
 
+    def distance_and_normal(self, points: Floats) -> tuple[Floats, Floats]:
+        """Return distances and normals; of surfaces on which feet are searched for in little more time than one of them takes."""
+        ...
+
     def foot(self, points: Floats) -> Floats:
         """Return the nearest points (N, 3) of the surface."""
         ...
@@ -60,9 +64,14 @@ class Analytic:
         """Return the unit gradients (N, 3) of the distance."""
         raise NotImplementedError
 
+    def distance_and_normal(self, points: Floats) -> tuple[Floats, Floats]:
+        """Return the signed distances (N,) and the unit gradients (N, 3)."""
+        return self.distance(points), self.normal(points)
+
     def foot(self, points: Floats) -> Floats:
         """Return the nearest points (N, 3) of the surface."""
-        return points - self.distance(points)[:, None] * self.normal(points)
+        distance, normal = self.distance_and_normal(points)
+        return points - distance[:, None] * normal
 
 
 def inverse(matrix: Floats) -> Floats:
@@ -75,6 +84,12 @@ def unit(vector: ArrayLike) -> Floats:
     v = np.asarray(vector, np.float64)
     length = np.linalg.norm(v, axis=-1, keepdims=True)
     return np.divide(v, length, out=np.zeros_like(v), where=length > 0)
+
+
+def cross(a: Floats, b: Floats) -> Floats:
+    """Return the cross products of the rows of two arrays (N, 3); NumPy's own takes several times as long for few rows."""
+    (a0, a1, a2), (b0, b1, b2) = a.T, b.T
+    return np.column_stack([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0])
 
 
 def perpendicular(axis: Floats) -> tuple[Floats, Floats]:

@@ -69,12 +69,16 @@ class SplineShape:
 
     def distance(self, points: Floats) -> Floats:
         """Return the distances (N,) of points (N, 3), positive on the side of S_u × S_v."""
-        feet = self.project(points)
-        return np.where(feet.height < 0.0, -feet.distance, feet.distance)
+        return _signed(self.project(points))
 
     def normal(self, points: Floats) -> Floats:
         """Return the unit normals S_u × S_v (N, 3) at the feet of points."""
         return self.surface.normals(self.project(points).uv)
+
+    def distance_and_normal(self, points: Floats) -> tuple[Floats, Floats]:
+        """Return the distances (N,) and the unit normals (N, 3)."""
+        feet = self.project(points)
+        return _signed(feet), self.surface.normals(feet.uv)
 
     def foot(self, points: Floats) -> Floats:
         """Return the nearest points (N, 3) of the surface."""
@@ -89,3 +93,7 @@ class SplineShape:
         u, v = (np.interp(np.arange(per * (len(a) - 1) + 1) / per, np.arange(len(a)), a) for a in axes)
         uv = np.stack(np.meshgrid(u, v, indexing="ij"), axis=-1).reshape(-1, 2)
         return uv, KDTree(self.surface.evaluate(uv)), np.array([np.diff(u).max(), np.diff(v).max()])
+
+
+def _signed(feet: FootPoints) -> Floats:
+    return np.where(feet.height < 0.0, -feet.distance, feet.distance)

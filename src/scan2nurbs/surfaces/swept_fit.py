@@ -96,7 +96,7 @@ def _step(
 ) -> Floats:
     """Return the Gauss-Newton step of the axis (shifts along x and y where asked, tilts towards x and y), the profile free to follow."""
     x, y, z = frame
-    d, normal = shape.distance(points), shape.normal(points)
+    d, normal = shape.distance_and_normal(points)
     offset = points - shape.point
     u, v, w = offset @ x, offset @ y, offset @ z
     nx, ny, nz = normal @ x, normal @ y, normal @ z
