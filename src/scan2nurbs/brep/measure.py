@@ -12,26 +12,20 @@ import numpy as np
 from scan2nurbs.brep.occ import kernel_errors
 
 
-def area(shape: Any, accuracy: float = 1e-6) -> float:
-    """Return the area of a shape, to a relative accuracy; it may take a second where surfaces are bent."""
+def area(shape: Any, accuracy: float | None = 1e-6) -> float:
+    """Return the area of a shape to a relative accuracy, which may take a second where surfaces are bent; None: see `rough_area`."""
     from OCP.BRepGProp import BRepGProp
     from OCP.GProp import GProp_GProps
 
     found = GProp_GProps()
     with kernel_errors("measure the shape"):
-        BRepGProp.SurfaceProperties_s(shape, found, accuracy)
+        BRepGProp.SurfaceProperties_s(shape, found, *([] if accuracy is None else [accuracy]))
     return abs(float(found.Mass()))
 
 
 def rough_area(shape: Any) -> float:
     """Return the area of a shape at once, and to about a hundredth of it."""
-    from OCP.BRepGProp import BRepGProp
-    from OCP.GProp import GProp_GProps
-
-    found = GProp_GProps()
-    with kernel_errors("measure the shape"):
-        BRepGProp.SurfaceProperties_s(shape, found)
-    return abs(float(found.Mass()))
+    return area(shape, None)
 
 
 def volume(shape: Any, accuracy: float = 1e-6) -> float:

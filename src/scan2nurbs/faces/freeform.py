@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scan2nurbs.errors import InputError, NoResultError
+from scan2nurbs.faces.astray import look_amid, one_sweep
 from scan2nurbs.faces.blends import find_blends, smooth_borders
 from scan2nurbs.faces.charts import Turns, charts, turns_of
 from scan2nurbs.faces.compete import MODEL_COST
@@ -99,11 +100,16 @@ def join_freeform(pieces: Pieces, on_edge: NDArray[np.bool_], scale: Scale, nois
     borders = smooth_borders(pieces.points, pieces.label, pieces.fits, contacts, smooth, scale.h)
     size = np.bincount(pieces.label[pieces.label >= 0], minlength=len(pieces.fits))
     blends = find_blends(borders, size, least / scale.h)
-    bent, smooth = (tuple(c for c in some if not blends.part(c.pair)) for some in (bent, smooth))
+    amid = look_amid(pieces.points, pieces.label, pieces.fits, contacts, least)
+    swept = frozenset(c.pair for c in smooth if amid.likely(c.pair) and _one_sweep(pieces, c, scale.h))
+    # A ball that rolls between surfaces of one axis makes a ring: one that is none is a part of their profile.
+    bent, smooth = (tuple(c for c in some if c.pair in swept or not blends.part(c.pair)) for some in (bent, smooth))
+    even = frozenset(b.pair for b in borders if not b.jumps(least / scale.h))
     pairs = Pairs(
         reach={c.pair: _runs_on(pieces, contacts, c, least) for c in smooth},
         doubt=doubts,
-        even=frozenset(b.pair for b in borders if not b.jumps(least / scale.h)),
+        even=even,
+        freeform=swept | frozenset(c.pair for c in smooth if all(map(amid.astray, c.pair)) or (c.pair in even and amid.likely(c.pair))),
     )
     by_edges = any(pairs.doubted(c.pair) for c in bent) or bool(pairs.chains(pairs.reach))  # or nothing is joined that edges could part
     bent = tuple(c for c in bent if not _creased(pieces, c, on_edge, scale.h))
@@ -149,6 +155,11 @@ class _Smooth:
             within = [c for c in bent if c.pair[0] in group and c.pair[1] in group]
             found += _fitted(self.pieces, group, within, self.turns, _beside(group, doubted, parent), self.kinds, self.noise)
         return found
+
+
+def _one_sweep(pieces: Pieces, contact: Contact, h: float) -> bool:
+    one, other = (pieces.fits[m].shape for m in contact.pair)
+    return one_sweep(one, other, pieces.points[np.concatenate(contact.sides)].mean(axis=0), h)
 
 
 def _creased(pieces: Pieces, contact: Contact, on_edge: NDArray[np.bool_], h: float) -> bool:

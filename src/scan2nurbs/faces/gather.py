@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 Pair = tuple[int, int]
 
@@ -37,11 +39,14 @@ class Pairs:
         Of these, how clearly the points say that they are not tangent, see `relations.doubt_tangency`.
     even : frozenset of (int, int)
         Those that bend alike across their border.
+    freeform : frozenset of (int, int)
+        Those of which the points say that they are pieces of a freeform face, tangent or not.
     """
 
     reach: dict[Pair, tuple[float, float]]
     doubt: dict[Pair, float]
     even: frozenset[Pair]
+    freeform: frozenset[Pair] = frozenset()
 
     def doubted(self, pair: Pair) -> bool:
         """Tell whether two pieces are not tangent."""
@@ -89,7 +94,7 @@ def gather(
         The lowest member of each piece's face.
     """
     run_on = {pair for pair in bent if pairs.runs_on(pair)}
-    certain = {pair for pair in run_on if pairs.doubt[pair] > (1.0 if pair in pairs.even else CERTAIN)}
+    certain = {pair for pair in run_on if pair in pairs.freeform or pairs.doubt[pair] > (1.0 if pair in pairs.even else CERTAIN)}
     joins = sorted({*certain, *pairs.chains(pair for pair in bent if pair in pairs.reach), *sure})
     doubted = {pair: pair in run_on for pair in bent if pairs.doubted(pair)}
     tangent = {pair: pair in pairs.even and not flat[list(pair)].any() for pair in sorted(run_on - doubted.keys())}
@@ -135,18 +140,9 @@ def _absorbed(size: NDArray[np.int64], reach: dict[Pair, tuple[float, float]], p
 
 def joined(n: int, pairs: Iterable[Pair]) -> NDArray[np.int64]:
     """Return the lowest member of the group of each of n, given which ones belong together."""
-    parent = list(range(n))
-
-    def root(i: int) -> int:
-        while parent[i] != i:
-            parent[i] = parent[parent[i]]
-            i = parent[i]
-        return i
-
-    for i, j in pairs:
-        a, b = sorted((root(i), root(j)))
-        parent[b] = a
-    return np.array([root(i) for i in range(n)], np.int64)
+    i, j = np.array(list(pairs), np.int64).reshape(-1, 2).T
+    _, group = connected_components(coo_array((np.ones(len(i)), (i, j)), shape=(n, n)), directed=False)
+    return np.unique(group, return_index=True)[1][group]
 
 
 def groups(parent: NDArray[np.int64]) -> list[list[int]]:
