@@ -184,28 +184,33 @@ def test_parameters_are_checked(wrong):
 
 def test_planes_that_nearly_coincide_are_united_and_those_of_a_shallow_crease_are_not():
     """Where each point chose the nearer of two planes their residuals are too small: that is no reason to keep both."""
-    rng = np.random.default_rng(8)
     n = 60
-    places = np.stack(np.meshgrid(np.arange(n), np.arange(n), indexing="ij"), axis=-1).reshape(-1, 2).astype(float)
-    tilt = 0.35 * NOISE / n
-    cells = build_cells(np.c_[places, np.zeros(n * n)], 3.0)
-    places = cells.points[:, :2]
-    neighbours, _ = nearest_neighbours(cells, 12, reach=2.5)
-    neighbours = np.where(neighbours < 0, np.arange(n * n, dtype=np.int32)[:, None], neighbours)
-    noise = rng.normal(scale=NOISE, size=n * n)
-    along = places[:, 0] - 0.5 * n
-    near = (np.abs(noise - tilt * along - 0.5 * NOISE) > np.abs(noise + tilt * along + 0.5 * NOISE)).astype(np.int32)
-    ridge = (along > 0).astype(np.int32)
-    for height, label, faces in ((np.zeros(n * n), near, 1), (0.08 * np.abs(along), ridge, 2)):
-        points = np.c_[places, height + noise]
-        normals = np.tile([0.0, 0.0, 1.0], (n * n, 1))
-        sheet = Sheet(points, normals, neighbours, link_weights(normals, neighbours), NOISE, 0.12)
-        models = np.zeros((2, SIZE))
-        models[:, 1:3], models[:, 6] = 0.5 * n, 1.0
-        kinds = np.arange(6) == PLANE
-        values = fit_regions(sheet, label, models, kinds)
-        joined, _ = unite(sheet, label, models, values, kinds)
-        assert len(np.unique(joined)) == faces
+    united = []
+    for seed in range(8, 14):
+        rng = np.random.default_rng(seed)
+        places = np.stack(np.meshgrid(np.arange(n), np.arange(n), indexing="ij"), axis=-1).reshape(-1, 2).astype(float)
+        tilt = 0.35 * NOISE / n
+        cells = build_cells(np.c_[places, np.zeros(n * n)], 3.0)
+        places = cells.points[:, :2]
+        neighbours, _ = nearest_neighbours(cells, 12, reach=2.5)
+        neighbours = np.where(neighbours < 0, np.arange(n * n, dtype=np.int32)[:, None], neighbours)
+        noise = rng.normal(scale=NOISE, size=n * n)
+        along = places[:, 0] - 0.5 * n
+        near = (np.abs(noise - tilt * along - 0.5 * NOISE) > np.abs(noise + tilt * along + 0.5 * NOISE)).astype(np.int32)
+        ridge = (along > 0).astype(np.int32)
+        faces = []
+        for height, label in ((np.zeros(n * n), near), (0.08 * np.abs(along), ridge)):
+            points = np.c_[places, height + noise]
+            normals = np.tile([0.0, 0.0, 1.0], (n * n, 1))
+            sheet = Sheet(points, normals, neighbours, link_weights(normals, neighbours), NOISE, 0.12)
+            models = np.zeros((2, SIZE))
+            models[:, 1:3], models[:, 6] = 0.5 * n, 1.0
+            kinds = np.arange(6) == PLANE
+            values = fit_regions(sheet, label, models, kinds)
+            faces.append(len(np.unique(unite(sheet, label, models, values, kinds)[0])))
+        united.append(faces[0] == 1)
+        assert faces[1] == 2
+    assert sum(united) >= len(united) - 1  # what the choice took away can be reckoned but for chance
 
 
 def test_three_planes_amid_the_noise_of_one_are_united():

@@ -13,7 +13,7 @@ from scan2nurbs.kernels.runner import kernel
 
 BLOCK = 64
 MOST = 700
-"""Of more points than twice these, only some, evenly chosen, are read: a model of eight numbers is known from them."""
+"""Of more points than twice these, only some, evenly chosen, are read until a model is nearly right."""
 UNKNOWNS = 8
 """Three of moving, three of turning, two of shape; the distance is the column behind them."""
 _RIDGE = 1e-8
@@ -33,10 +33,27 @@ def refine(m, points, index, n, sigma, rounds):
     Moving the surface by t and turning it by ω about its point changes the distance by −n·t − ((p − c) × n)·ω, whatever its shape; what
     leaves the surface in place is held by a ridge. Weights (1 + (d/3s)²)⁻² (Geman and McClure), s the larger of noise and rms.
     """
-    kind = int(m[0])
-    if kind == PATCH:
+    if int(m[0]) == PATCH:
         return fit_patch(m, points, index, n, sigma, rounds)
-    near, centre, size = _taken(points, index, n)
+    near, centre, size = _taken(points, index, n, max(1, n // MOST))
+    return _steps(m, near, centre, size, sigma, rounds)
+
+
+@kernel
+def settle(m, points, index, n, sigma):
+    """Fit a model that is nearly right to all points, in place.
+
+    What a fit to one point in k leaves is k half parameters' worth of misfit more, by chance: in large regions more than what models
+    compete by.
+    """
+    if int(m[0]) != PATCH and n >= 2 * MOST:
+        near, centre, size = _taken(points, index, n, 1)
+        _steps(m, near, centre, size, sigma, 2)
+
+
+@kernel
+def _steps(m, near, centre, size, sigma, rounds):
+    kind = int(m[0])
     behind = 6 if kind == PLANE else UNKNOWNS  # the column of the distance
     columns = np.zeros((UNKNOWNS + 2, BLOCK))
     a, step = np.empty((UNKNOWNS + 2, UNKNOWNS + 2)), np.empty(UNKNOWNS)
@@ -62,9 +79,8 @@ def refine(m, points, index, n, sigma, rounds):
 
 
 @kernel
-def _taken(points, index, n):
+def _taken(points, index, n, stride):
     """Copy the points that a fit reads; return them (3, K), their mean (3,) and their extent about it."""
-    stride = max(1, n // MOST)
     count = (n + stride - 1) // stride
     near, centre = np.empty((3, count)), np.zeros(3)
     for k in range(count):

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from scan2nurbs.kernels.gauss_newton import refine
+from scan2nurbs.kernels.gauss_newton import refine, settle
 from scan2nurbs.kernels.growth import DISTANCE_CAP
 from scan2nurbs.kernels.primitives import CONE, CYLINDER, FREEDOM, PATCH, PLANE, SIZE, SPHERE, TORUS, distance_of
 from scan2nurbs.kernels.runner import kernel
 from scan2nurbs.kernels.starts import best_start, curvatures
 
-MOST = 3000
 START = 120
 COINCIDENT = 3.0
 """Two surfaces nearly coincide where a point's distances from both sum up to less than so many standard deviations."""
@@ -26,16 +25,17 @@ are on a narrow ring or strip, where noise would choose it."""
 
 @kernel
 def misfit(m, points, index, n, sigma):
-    """Return the robust negative log likelihood of points under a model, of at most `MOST` of them, scaled up."""
-    stride = max(1, n // MOST)
-    total, count = 0.0, 0
-    for k in range(0, n, stride):
+    """Return the robust negative log likelihood of points under a model.
+
+    Of all of them: that of one in k, times k, is off by more than what models compete by.
+    """
+    total = 0.0
+    for k in range(n):
         i = index[k]
         d, _, _, _ = distance_of(m, points[i, 0], points[i, 1], points[i, 2])
         t = d / sigma
         total += min(0.5 * t * t, DISTANCE_CAP)
-        count += 1
-    return total * n / max(count, 1)
+    return total
 
 
 @kernel
@@ -72,6 +72,7 @@ def refit(points, normals, neighbours, index, n, seed, stamp, mark, kinds, sigma
     best = np.inf
     if kinds[int(m[0])]:
         refine(trial, points, index, n, sigma, 5)
+        settle(trial, points, index, n, sigma)
         best = criterion(trial, points, index, n, sigma) + _doubt(trial, n)
         m[:] = trial
     first = np.empty(START, np.int32)
@@ -93,6 +94,9 @@ def refit(points, normals, neighbours, index, n, seed, stamp, mark, kinds, sigma
                 continue
             refine(trial, points, index, n, sigma, 10)
         value = criterion(trial, points, index, n, sigma) + _doubt(trial, n)
+        if value < best + n:  # no more than that is owed to chance
+            settle(trial, points, index, n, sigma)
+            value = criterion(trial, points, index, n, sigma) + _doubt(trial, n)
         if value < best:
             best = value
             m[:] = trial
@@ -255,6 +259,9 @@ def unite_pairs(points, normals, neighbours, label, order, starts, pairs, seeds,
                 continue
             refine(m, points, index, n, sigma, 6)
             value = criterion(m, points, index, n, sigma)
+            if value < before + n:
+                settle(m, points, index, n, sigma)
+                value = criterion(m, points, index, n, sigma)
             if value < best:
                 best = value
                 united[p] = m
