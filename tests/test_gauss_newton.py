@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scan2nurbs.kernels.gauss_newton import BLOCK, MOST, refine
+from scan2nurbs.kernels.gauss_newton import BLOCK, MOST, refine, settle
+from scan2nurbs.kernels.growth import DISTANCE_CAP
 from scan2nurbs.kernels.primitives import CONE, CYLINDER, PLANE, SIZE, SPHERE, TORUS, distance_of
+from scan2nurbs.kernels.refits import misfit
 
 SIGMA = 0.2
 TILT = np.array([0.2, -0.3, 0.9]) / np.linalg.norm([0.2, -0.3, 0.9])
@@ -110,3 +112,16 @@ def test_only_the_points_that_are_listed_are_read():
     points[1::2] = np.nan
     refine(many, points, np.concatenate([listed, listed[:7]]), 100, SIGMA, 3)
     np.testing.assert_array_equal(few, many)
+
+
+@pytest.mark.parametrize("kind", MODELS)
+def test_settled_models_fit_all_points_and_misfits_count_all(kind):
+    """A fit to one point in ten leaves more of all of them: here by what ten times half its parameters are worth, but for chance."""
+    n = 10 * MOST
+    points, index, m = scattered(kind, n), np.arange(n, dtype=np.int32), started(kind)
+    refine(m, points, index, n, SIGMA, 12)
+    some = misfit(m, points, index, n, SIGMA)
+    settle(m, points, index, n, SIGMA)
+    off = distances(m, points) / SIGMA
+    assert misfit(m, points, index, n, SIGMA) == pytest.approx(np.minimum(0.5 * off**2, DISTANCE_CAP).sum(), rel=1e-12)
+    assert misfit(m, points, index, n, SIGMA) < some - 1.0

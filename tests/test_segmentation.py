@@ -213,6 +213,29 @@ def test_planes_that_nearly_coincide_are_united_and_those_of_a_shallow_crease_ar
     assert sum(united) >= len(united) - 1  # what the choice took away can be reckoned but for chance
 
 
+def test_slivers_of_a_large_cylinder_are_united_with_it():
+    """Whatever borders they have, they are no surfaces of their own."""
+    rng = np.random.default_rng(5)
+    radius, n, height = 60.0, 376, 80
+    i, z = np.meshgrid(np.arange(n), np.arange(height), indexing="ij")
+    angle = (i + rng.uniform(-0.25, 0.25, i.shape)).ravel() / radius
+    at = z.ravel() + rng.uniform(-0.25, 0.25, i.size)
+    out = np.c_[np.cos(angle), np.sin(angle), np.zeros(len(angle))]
+    cells = build_cells((radius + rng.normal(scale=NOISE, size=len(angle)))[:, None] * out + at[:, None] * [0.0, 0.0, 1.0], 3.0)
+    neighbours, _ = nearest_neighbours(cells, 8, reach=2.5)
+    around = np.arctan2(cells.points[:, 1], cells.points[:, 0]) * radius
+    label = np.where((around % 30.0 < 4.0) & (cells.points[:, 2] < 70.0), 1 + around // 30.0 + 10.0, 0.0)
+    label = np.unique(label, return_inverse=True)[1].astype(np.int32)
+    normals = cells.points * [1.0, 1.0, 0.0] / np.linalg.norm(cells.points[:, :2], axis=1)[:, None]
+    sheet = Sheet(cells.points, normals, neighbours, link_weights(normals, neighbours), NOISE, 0.12)
+    models = np.zeros((label.max() + 1, SIZE))
+    models[:, 0], models[:, 6], models[:, 7] = CYLINDER, 1.0, radius
+    kinds = np.isin(np.arange(6), (PLANE, CYLINDER))
+    values = fit_regions(sheet, label, models, kinds)
+    assert len(models) > 10
+    assert len(np.unique(unite(sheet, label, models, values, kinds)[0])) == 1
+
+
 def test_three_planes_amid_the_noise_of_one_are_united():
     """What goes to the third of them is missing where two are compared; another plane shows what noise leaves."""
     rng = np.random.default_rng(8)

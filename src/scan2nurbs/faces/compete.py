@@ -15,7 +15,7 @@ from scan2nurbs.kernels.labelling import candidate_costs, choose_labels, nearby_
 from scan2nurbs.kernels.offers import fill_candidates, offer_models
 from scan2nurbs.kernels.primitives import FREEDOM
 from scan2nurbs.kernels.proposals import NOTICEABLE
-from scan2nurbs.kernels.refits import refit_all, refit_amid
+from scan2nurbs.kernels.refits import criterion, refit_all, refit_amid
 from scan2nurbs.kernels.runner import kernel, run_ranges
 
 CANDIDATES = 8
@@ -234,6 +234,13 @@ def fit_regions(sheet: Sheet, label: NDArray[np.int32], models: NDArray[np.float
 
     run_ranges(refit, len(models), size=REGIONS)
     return values
+
+
+def criteria(sheet: Sheet, label: NDArray[np.int32], models: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the criteria (M,) of models on their regions as they are."""
+    order, starts = grouped(label, len(models))
+    regions = zip(models, starts[:-1], starts[1:], strict=True)
+    return np.array([criterion(model, sheet.points, order[a:b], b - a, sheet.sigma) for model, a, b in regions])
 
 
 def plainest_models(sheet: Sheet, label: NDArray[np.int32], models: NDArray[np.float64], kinds: NDArray[np.bool_]) -> NDArray[np.float64]:

@@ -9,6 +9,7 @@ from scan2nurbs.faces.compete import (
     CANDIDATES,
     Sheet,
     adopt,
+    criteria,
     drop_outliers,
     fit_regions,
     label_points,
@@ -101,6 +102,7 @@ def find_primitives(
     if kinds[CYLINDER] and kinds[TORUS]:
         _, label, models = _fillets(sheet, label, models, refits)
     label, models = split_pieces(sheet, label, models, least, strips=True)
+    label, models = unite(sheet, label, models, criteria(sheet, label, models), refits)  # strips that their neighbours explain as well
     return drop_outliers(sheet, adopt(sheet, label, models, RINGS), models), models
 
 
