@@ -101,3 +101,8 @@ TURNED = Torus(np.array([0.0, 0.3, 9.0]), Z, 9.0, 3.0)
 def test_primitives_of_one_profile(one, other, together):
     assert one_sweep(one, other, NEAR, 1.0) is together
     assert one_sweep(other, one, NEAR, 1.0) is together
+
+
+def test_a_freeform_piece_is_of_no_profile():
+    points = sheet(lambda x: 70.0 + 4.0 * np.sin(x / 18.0), 1)
+    assert not one_sweep(fit_shape("bspline", points, noise=NOISE).shape, Cylinder(O, Z, 9.0), NEAR, 1.0)

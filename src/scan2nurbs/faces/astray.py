@@ -11,7 +11,7 @@ from scan2nurbs.faces.contacts import Contacts
 from scan2nurbs.surfaces.explain import study
 from scan2nurbs.surfaces.shape import Shape
 from scan2nurbs.surfaces.shape_fit import ShapeFit
-from scan2nurbs.surfaces.shape_parameters import SPHERE, Pose, pose
+from scan2nurbs.surfaces.shape_parameters import SPHERE, Pose, Primitive, pose
 
 RINGS = 3
 """So many rings of points from their border are not asked: some are a neighbour's."""
@@ -85,7 +85,7 @@ def look_amid(points: NDArray[np.float64], label: NDArray[np.int32], fits: tuple
 
 
 def one_sweep(one: Shape, other: Shape, near: NDArray[np.float64], h: float) -> bool:
-    """Tell whether two primitives may belong to one profile, revolved about the axis of both or drawn along it.
+    """Tell whether two surfaces are primitives that may belong to one profile, revolved about the axis of both or drawn along it.
 
     Parameters
     ----------
@@ -95,7 +95,9 @@ def one_sweep(one: Shape, other: Shape, near: NDArray[np.float64], h: float) -> 
     h : float
         Spacing of the points.
     """
-    poses = [pose(shape) for shape in (one, other)]  # type: ignore[arg-type] - primitives both
+    if not (isinstance(one, Primitive) and isinstance(other, Primitive)):
+        return False
+    poses = [pose(one), pose(other)]
     axes = [(k.frame[:3], k.frame[9:]) for k in poses if k.kind != SPHERE]
     if len(axes) < 2:
         return len(axes) == 1 and _from_line(*axes[0], _centre(poses)) <= APART * h

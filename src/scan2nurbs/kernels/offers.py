@@ -27,7 +27,6 @@ def offer_models(points, normals, neighbours, order, starts, models, sigma, tilt
     queue = np.empty(len(points), np.int32)
     candidates[:] = -1
     offers[:] = np.inf
-    room = candidates.shape[1]
     for label in range(len(models)):
         a, b = starts[label], starts[label + 1]
         if a == b:
@@ -42,13 +41,19 @@ def offer_models(points, normals, neighbours, order, starts, models, sigma, tilt
         for k in range(n):
             i = queue[k]
             cost = cost_of(models[label], points, normals, i, sigma, tilt)
-            worst = 0
-            for c in range(1, room):
-                if offers[i, c] > offers[i, worst]:
-                    worst = c
-            if cost < offers[i, worst]:
-                offers[i, worst] = cost
-                candidates[i, worst] = label
+            remember(candidates, offers, i, label, cost)
+
+
+@kernel
+def remember(candidates, offers, i, model, cost):
+    """Put a model among the cheapest of a point."""
+    worst = 0
+    for k in range(1, candidates.shape[1]):
+        if offers[i, k] > offers[i, worst]:
+            worst = k
+    if cost < offers[i, worst]:
+        offers[i, worst] = cost
+        candidates[i, worst] = model
 
 
 @kernel

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scan2nurbs.kernels.growth import ENOUGH, FAR, NONE_COST, cost_of, flood, grow_best, neighbourhood
+from scan2nurbs.kernels.offers import remember
 from scan2nurbs.kernels.primitives import FREEDOM, SIZE, distance_of
 from scan2nurbs.kernels.runner import kernel, run_ranges
 
@@ -223,24 +224,12 @@ def _keep(
         for k in range(n):
             i = region[k]
             cost = cost_of(grown[s], points, normals, i, sigma, tilt)
-            _remember(candidates, offers, i, count, cost)
+            remember(candidates, offers, i, count, cost)
             if cost < best[i]:
                 best[i] = cost
                 own[i] = count
         count += 1
     return count
-
-
-@kernel
-def _remember(candidates, offers, i, model, cost):
-    """Put a model among the cheapest of a point."""
-    worst = 0
-    for k in range(1, candidates.shape[1]):
-        if offers[i, k] > offers[i, worst]:
-            worst = k
-    if cost < offers[i, worst]:
-        offers[i, worst] = cost
-        candidates[i, worst] = model
 
 
 @kernel
