@@ -122,6 +122,11 @@ def careful(block: bytes, layout: Layout) -> np.ndarray | None:
         return None
 
 
+def quick_rows(block: bytes, layout: Layout, *, long: bool) -> np.ndarray | None:
+    columns = read_quickly(block, layout, long=long)
+    return None if columns is None else np.stack(columns, axis=1)
+
+
 def same(a: np.ndarray, b: np.ndarray) -> bool:
     """Tell whether arrays are equal to the last bit, whatever the bits of their NaN."""
     undefined = np.isnan(a)
@@ -143,7 +148,7 @@ def test_the_quick_readers_take_rows_of_numbers(long, rows, separator, columns, 
     around = around.replace("trailing", separator) if known is None else around.replace("trailing", f"{separator}\r").strip(" ")
     block = "".join(around.strip("\r") + separator.join(row) + around + "\n" for row in rows).encode()
     layout = Layout(columns=tuple(columns), width=len(rows[0]), separator=known)
-    quick = read_quickly(block, layout, long=long)
+    quick = quick_rows(block, layout, long=long)
     expected = careful(block, layout)
     assert quick is not None
     assert expected is not None
@@ -184,7 +189,7 @@ def test_the_quick_readers_decline_what_they_would_read_otherwise(long, seen, li
     layout = Layout(columns=wanted, width=width, separator=separator, decimal_comma=decimal_comma and separator != b",")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("scan2nurbs.io.quick._SEEN", seen)
-        quick = read_quickly(block, layout, long=long) if block.strip() else None
+        quick = quick_rows(block, layout, long=long) if block.strip() else None
     if quick is not None:
         expected = careful(block, layout)
         assert expected is not None
@@ -197,7 +202,7 @@ def test_the_quick_readers_decline_what_they_would_read_otherwise(long, seen, li
 def test_separators_at_the_ends_of_lines(long, last, read, end):
     block = f"1;2;3;{end or chr(10)}{last}{end}".encode()
     layout = Layout(width=3, separator=b";")
-    quick, expected = read_quickly(block, layout, long=long), careful(block, layout)
+    quick, expected = quick_rows(block, layout, long=long), careful(block, layout)
     assert (quick is not None) == read
     if quick is not None:
         assert expected is not None

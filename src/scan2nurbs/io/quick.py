@@ -7,11 +7,15 @@ many times as fast as NumPy, but takes as long to import as NumPy takes for eigh
 from __future__ import annotations
 
 import io
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scan2nurbs.io.layout import COMMENT, Layout
+
+Columns: TypeAlias = tuple[NDArray[np.float64], ...]
+"""x, y and z of the rows, an array each."""
 
 _TAKEN_FOR_A_FILE = (b"\x1f", b"(", b"x", b"\xef")
 """First bytes of what polars unpacks (gzip, zstd, zlib), and of a byte order mark, which it passes over."""
@@ -23,7 +27,7 @@ _BLANK_TO_NUMPY = (b"\x1c", b"\x1d", b"\x1e", b"\x1f", b"\x85", b"\xa0")
 """What NumPy passes over as white space, and nobody else."""
 
 
-def read_quickly(block: bytes, layout: Layout, *, long: bool) -> NDArray[np.float64] | None:
+def read_quickly(block: bytes, layout: Layout, *, long: bool) -> Columns | None:
     """Read a block of whole lines.
 
     Parameters
@@ -37,8 +41,9 @@ def read_quickly(block: bytes, layout: Layout, *, long: bool) -> NDArray[np.floa
 
     Returns
     -------
-    (N, 3) float64 or None
-        In any order of memory. None where the block holds, or may hold, anything but rows of numbers.
+    (3,) tuple of (N,) float64 or None
+        x, y and z, so that they are copied only once, into the rows of the caller. None where the block holds, or may hold, anything
+        but rows of numbers.
     """
     if layout.decimal_comma:
         block = block.replace(b",", b".")
@@ -57,7 +62,7 @@ def _without_trailing_separators(block: bytes, layout: Layout) -> bytes:
     return block.removesuffix(separator)
 
 
-def _by_polars(block: bytes, layout: Layout) -> NDArray[np.float64] | None:
+def _by_polars(block: bytes, layout: Layout) -> Columns | None:
     if layout.separator is not None:
         return _separated(block.strip(b"\r\n"), layout)
     # Where two spaces stand side by side, an empty column seems to lie between them, and the block is declined: rows of `width` columns
@@ -80,7 +85,7 @@ def _pads(block: bytes) -> bool:
     return any(blank in seen for blank in (b"  ", b"\t", b"\r", b"\v", b"\f"))
 
 
-def _separated(block: bytes, layout: Layout) -> NDArray[np.float64] | None:
+def _separated(block: bytes, layout: Layout) -> Columns | None:
     import polars as pl  # noqa: PLC0415 - only for long texts
 
     separator = layout.separator or b" "
@@ -114,7 +119,7 @@ def _separated(block: bytes, layout: Layout) -> NDArray[np.float64] | None:
         words = [frame[name] for name in {"0", f"{width - 1}"} - set(wanted)]
         if any((column.str.strip_chars() == "").any() for column in words):
             return None
-    return frame.select(wanted).to_numpy()
+    return tuple(frame[name].to_numpy() for name in wanted)
 
 
 def _squeezed(block: bytes) -> bytes:
@@ -134,18 +139,23 @@ def _squeezed(block: bytes) -> bytes:
     return codes[keep].tobytes()
 
 
-def _by_numpy(block: bytes, layout: Layout) -> NDArray[np.float64] | None:
+def _by_numpy(block: bytes, layout: Layout) -> Columns | None:
     if any(blank in block for blank in _BLANK_TO_NUMPY):
         return None
     if layout.width is None:
-        return None if _may_hold_comments(block, layout) else _load(block, layout, layout.columns)
+        return None if _may_hold_comments(block, layout) else _load_wanted(block, layout)
     rows = _load(block, layout, None)
     if rows is not None:
-        return np.ascontiguousarray(rows[:, layout.columns]) if rows.shape[1] == layout.width else None
+        return tuple(rows.T[column] for column in layout.columns) if rows.shape[1] == layout.width else None
     # There may be words in columns that are not wanted, as long as no row lacks a column.
     if _may_hold_comments(block, layout) or not _has_width(block, layout):
         return None
-    return _load(block, layout, layout.columns)
+    return _load_wanted(block, layout)
+
+
+def _load_wanted(block: bytes, layout: Layout) -> Columns | None:
+    rows = _load(block, layout, layout.columns)
+    return None if rows is None else tuple(rows.T)
 
 
 def _load(block: bytes, layout: Layout, columns: tuple[int, ...] | None) -> NDArray[np.float64] | None:

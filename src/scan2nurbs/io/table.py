@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from scan2nurbs.errors import InputError
 from scan2nurbs.io.layout import COMMENT, Layout
-from scan2nurbs.io.quick import read_quickly
+from scan2nurbs.io.quick import Columns, read_quickly
 from scan2nurbs.io.source import Buffer, Source
 
 BLOCK = 1 << 22
@@ -59,14 +59,16 @@ def read_rows(
     points = np.empty((0, 3))
     found = read = 0
     size = len(source.data) - start
-    for rows, n_bytes in _row_blocks(source, start, line, layout, n_rows):
+    for columns, n_bytes in _row_blocks(source, start, line, layout, n_rows):
         read += n_bytes
-        if found + len(rows) > len(points):  # room for all, if the other lines are about as long: parts and their sum would take more
-            wider = np.empty((max(found + len(rows), int(1.02 * (found + len(rows)) * size / read)), 3))
+        end = found + len(columns[0])
+        if end > len(points):  # room for all, if the other lines are about as long: parts and their sum would take more
+            wider = np.empty((max(end, int(1.02 * end * size / read)), 3))
             wider[:found] = points[:found]
             points = wider
-        points[found : found + len(rows)] = rows
-        found += len(rows)
+        for axis, column in enumerate(columns):
+            points[found:end, axis] = column
+        found = end
     if n_rows is not None and found < n_rows:
         raise source.fault(f"The header declares {n_rows:,} {what}, the file ends after {found:,}.", len(source.data))
     points.resize((found, 3), refcheck=False)
@@ -125,7 +127,7 @@ def number(token: bytes, *, decimal_comma: bool = False) -> float | None:
     return None
 
 
-def _row_blocks(source: Source, start: int, line: int, layout: Layout, n_rows: int | None) -> Iterator[tuple[NDArray[np.float64], int]]:
+def _row_blocks(source: Source, start: int, line: int, layout: Layout, n_rows: int | None) -> Iterator[tuple[Columns, int]]:
     """Yield the rows of one block of lines after the other, and how many bytes they took, until there are `n_rows`."""
     counted = start  # where line number `line` begins: lines are counted only where one may have to be named
     looked_at = 0  # up to here, lines are read in small blocks
@@ -144,7 +146,8 @@ def _row_blocks(source: Source, start: int, line: int, layout: Layout, n_rows: i
         yield rows, len(block)
         start += len(block)
         source.forget(start)
-        n_rows = None if n_rows is None else n_rows - len(rows)
+        n_rows = None if n_rows is None else n_rows - len(rows[0])
+        del block, rows  # the next ones take their place, on pages that need not be cleared again
 
 
 def _lines_at(source: Source, start: int, line: int) -> bytes:
@@ -170,14 +173,14 @@ def _first_lines(block: bytes, n: int | None) -> bytes:
     return block[: int(ends[n - 1]) + 1]
 
 
-def _quick_rows(block: bytes, layout: Layout, most: int | None, *, long: bool) -> NDArray[np.float64] | None:
+def _quick_rows(block: bytes, layout: Layout, most: int | None, *, long: bool) -> Columns | None:
     if block.isspace():
-        return np.empty((0, 3))
+        return (np.empty(0),) * 3
     rows = read_quickly(block, layout, long=long)
-    return None if rows is not None and most is not None and len(rows) > most else rows
+    return None if rows is not None and most is not None and len(rows[0]) > most else rows
 
 
-def _parse_lines(source: Source, block: bytes, line: int, layout: Layout, wanted: int | None) -> NDArray[np.float64]:
+def _parse_lines(source: Source, block: bytes, line: int, layout: Layout, wanted: int | None) -> Columns:
     rows: list[tuple[float, ...]] = []
     for number_of_line, text in enumerate(block.split(b"\n"), line):
         if len(rows) == wanted:
@@ -185,7 +188,7 @@ def _parse_lines(source: Source, block: bytes, line: int, layout: Layout, wanted
         body = strip_comment(text)
         if body and not (body.startswith(b";") and layout.separator != b";"):
             rows.append(_parse_line(source, body, number_of_line, layout))
-    return np.array(rows, np.float64).reshape(-1, 3)
+    return tuple(np.array(rows, np.float64).reshape(-1, 3).T)
 
 
 def _parse_line(source: Source, body: bytes, line: int, layout: Layout) -> tuple[float, ...]:
