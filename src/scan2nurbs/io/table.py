@@ -188,7 +188,8 @@ def _parse_lines(source: Source, block: bytes, line: int, layout: Layout, wanted
         body = strip_comment(text)
         if body and not (body.startswith(b";") and layout.separator != b";"):
             rows.append(_parse_line(source, body, number_of_line, layout))
-    return tuple(np.array(rows, np.float64).reshape(-1, 3).T)
+    x, y, z = np.array(rows, np.float64).reshape(-1, 3).T
+    return x, y, z
 
 
 def _parse_line(source: Source, body: bytes, line: int, layout: Layout) -> tuple[float, ...]:
