@@ -146,6 +146,25 @@ def test_few_points_get_a_low_degree_and_few_control_points(n: int) -> None:
     assert np.abs(fit.control_points).max() < 6
 
 
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_a_tube_that_narrows_is_wound_around_at_its_narrow_end_too(seed: int) -> None:
+    """Most nodes lie where it is wide, and a line that leaves it through the wall beside the narrow end suits them as well."""
+    rng = np.random.default_rng(seed)
+    height = rng.uniform(0, 90, 60_000)
+    radius = 19 + 10 * np.sin(height / 20) - 0.08 * height
+    kept = rng.random(len(height)) < radius / radius.max()
+    height, radius = height[kept], radius[kept]
+    around = rng.uniform(0, 2 * np.pi, len(height))
+    points = np.column_stack([radius * np.cos(around), radius * np.sin(around), height])
+    spacing = np.sqrt(2 * np.pi * radius.mean() * 90 / len(points))
+    surface = fit_surface(points + 0.5 * spacing * rng.normal(size=points.shape)).surface
+    narrow = max((0.0, 1.0), key=lambda v: float(surface.evaluate(np.array([[0.0, v]]))[0, 2]))
+    end = surface.evaluate(np.column_stack([np.linspace(0, 1, 64, endpoint=False), np.full(64, narrow)]))
+    turn = np.unwrap(np.arctan2(end[:, 1], end[:, 0]))
+    assert abs(turn[-1] - turn[0]) > 1.8 * np.pi
+    assert np.ptp(end[:, 2]) < 5.0
+
+
 @pytest.mark.parametrize("name", ["saddle", "half tube", "closed tube"])
 def test_moving_and_scaling_the_points_moves_and_scales_the_surface(name: str) -> None:
     points, _, sigma = SHAPES[name].scan(3000, 0.25)

@@ -12,7 +12,7 @@ from scipy.spatial import ConvexHull, KDTree, QhullError
 
 from scan2nurbs.errors import NoResultError
 from scan2nurbs.surfaces.nodes import Nodes, make_nodes
-from scan2nurbs.surfaces.tube import Around, around, around_bends
+from scan2nurbs.surfaces.tube import Around, around, around_bends, poles
 from scan2nurbs.surfaces.unroll import carry, jacobians, unroll
 
 logger = logging.getLogger(__name__)
@@ -92,12 +92,15 @@ def _unrolled(nodes: Nodes, points: NDArray[np.float64]) -> Iterator[tuple[Quali
 
 def _tubes(nodes: Nodes, points: NDArray[np.float64], maps: Iterable[Around]) -> Iterator[tuple[Quality, Parameters]]:
     best: tuple[Quality, Around, NDArray[np.float64]] | None = None
+    least = (True, np.inf)
     for map_ in maps:
         jacobian = jacobians(nodes, map_.uv, map_.jump)
         quality = judge(nodes, map_.uv, jacobian, map_.period)
         logger.info("tube: %s", quality)
-        if quality.valid and (best is None or quality.stretch < best[0].stretch):
-            best = quality, map_, jacobian
+        # A narrow end holds too few of the nodes to be missed by their quantiles where the map does not run around it.
+        rank = poles(nodes, map_.uv[:, 0] / map_.period) > 0, quality.stretch
+        if quality.valid and rank < least:
+            best, least = (quality, map_, jacobian), rank
     if best is None:
         return
     quality, map_, jacobian = best

@@ -63,6 +63,33 @@ def around_bends(nodes: Nodes) -> Iterator[Around]:
         yield found
 
 
+def poles(nodes: Nodes, turn: NDArray[np.float64]) -> int:
+    """Count the nodes whose neighbours a coordinate runs around, though it should run around the tube alone.
+
+    Parameters
+    ----------
+    nodes : Nodes
+    turn : (M,) float64
+        The coordinate, in turns; whole turns do not count.
+
+    Notes
+    -----
+    Where the line that a map runs around leaves the tube through its wall instead of its end, all values meet in one place. The index
+    of such a place is what the values' steps add up to, each within half a turn, from one neighbour to the next around it.
+    """
+    i, j = np.concatenate([nodes.edges, nodes.edges[:, ::-1]]).T
+    steps = tangent_steps(nodes, i, j)
+    order = np.lexsort((np.arctan2(steps[:, 1], steps[:, 0]), i))
+    i, value = i[order], turn[j[order]]
+    first = np.searchsorted(i, np.arange(len(nodes.points)))
+    following = np.arange(1, len(i) + 1)
+    last = np.flatnonzero(np.diff(i, append=-1))
+    following[last] = first[i[last]]
+    step = value[following] - value
+    index = np.bincount(i, step - np.round(step), len(nodes.points))
+    return int(np.count_nonzero(np.abs(index) > 0.5))
+
+
 class _Poisson:
     """Functions on the nodes with wanted differences along the edges, by least squares."""
 
