@@ -8,7 +8,7 @@ import pytest
 from scan2nurbs.brep.borders import BorderCurve
 from scan2nurbs.brep.charts import chart_of
 from scan2nurbs.brep.layout import lay_out
-from scan2nurbs.brep.space import SpaceCurve
+from scan2nurbs.brep.space import SpaceCurve, interpolate
 from scan2nurbs.surfaces.cylinder import Cylinder
 from scan2nurbs.surfaces.torus import Torus
 
@@ -77,3 +77,21 @@ def test_a_seam_does_not_run_along_the_side_of_a_window(n):
         if curve.curve.kind == "line":
             u = layout.chart.uv(curve.curve(np.array([0.0])))[0, 0]
             assert min(u, TURN - u) > 0.02
+
+
+@pytest.mark.parametrize("place", [0.0, 1.0, 2.5])
+def test_a_seam_does_not_touch_the_corner_of_a_hole(place):
+    """It touches no border in passing there, but two wires of a face may not touch."""
+    chart = chart_of(Cylinder(point=np.zeros(3), axis=Z, radius=40.0), 1.0)
+    corners = [40.0 * around(place + u) + z * Z for u, z in ((0.0, 0.0), (0.3, -6.0), (0.6, 0.0), (0.3, 6.0))]
+    sides = []
+    for k in range(4):
+        line = np.linspace(corners[k], corners[(k + 1) % 4], 60)
+        out = line[:, :2] * 40.0 / np.linalg.norm(line[:, :2], axis=1)[:, None]
+        sides.append(border(interpolate(np.column_stack([out, line[:, 2]]), False), (k, (k + 1) % 4)))
+    borders = [border(arc(z * Z, X, Y, 40.0)) for z in (-10.0, 10.0)] + sides
+    loops = [((0, True),), ((1, False),), tuple((k, False) for k in (5, 4, 3, 2))]
+    layout = lay_out(chart, loops, borders, [[] for _ in borders], 0.5)
+    hole = layout.within(layout.chart.uv(np.vstack([side.curve(side.curve.samples(64)) for side in sides])))[:, 0]
+    assert hole.min() - layout.window[0] > 0.02
+    assert layout.window[0] + TURN - hole.max() > 0.02

@@ -73,13 +73,14 @@ def test_there_are_so_many_readings_and_no_more(monkeypatch):
     one_apart = replace(whole, closed=False, n_free_edges=3, faces=(replace(whole.faces[0], trimmed="alone"), *whole.faces[1:]))
     counted = []
 
-    def build(*given, known=None, fine=False):
-        counted.append((given[4].bearable, fine))
+    def build(*given, known=None, fine=False, other_way=False):
+        counted.append((given[4].bearable, fine, other_way))
         return one_apart
 
     monkeypatch.setattr(part_readings, "build_part", build)
     assert not read(points, label, fits, fits, scale).part.closed
-    assert counted == [(0.5, False), (1.0, False), *[(1.0, True)] * (READINGS - 1)]
+    assert READINGS == 4
+    assert counted == [(0.5, False, False), (1.0, False, True), (1.0, True, True), (1.0, True, False), (1.0, True, True)]
 
 
 def test_wide_tolerances_are_taken_where_narrow_ones_leave_a_part_open(monkeypatch):

@@ -23,7 +23,7 @@ from scan2nurbs.faces.segmentation import SegmentParams, segment_points
 from scan2nurbs.faces.topology import Topology, TopologyParams, find_topology
 from scan2nurbs.kernels.runner import Progress
 from scan2nurbs.part_faces import BoundaryStep, Parted, by_topology, corrected, corrected_edges, deviations
-from scan2nurbs.part_readings import build_from_readings, without_relations
+from scan2nurbs.part_readings import build_from_readings, without_dissolved, without_relations
 from scan2nurbs.part_report import part_report
 from scan2nurbs.report.colours import face_colours
 from scan2nurbs.report.record import Stopwatch
@@ -192,7 +192,8 @@ def reconstruct(
     )
     if related is not None:
         related = without_relations(related, read, parted.names)
-    parted = by_topology(replace(parted, faces=replace(parted.faces, fits=read.fits)), read.topology)
+    parted = without_dissolved(replace(parted, faces=replace(parted.faces, fits=read.fits)), read)
+    parted = by_topology(parted, read.topology)
     deviation = deviations(points, parted.faces.label, parted.faces.fits, read.topology.outward)
     model = Model(**vars(parted), related=related, topology=read.topology, part=read.part, deviation=deviation, report={})
     return replace(model, report=part_report(model, params, watch.seconds))

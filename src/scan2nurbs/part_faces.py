@@ -130,10 +130,11 @@ def by_topology(parted: Parted, topology: Topology) -> Parted:
     """Put the faces into the order of the topology, which may have parted some and lost some.
 
     Of a face that fell apart the largest piece keeps the number, the others get the next free ones; its points go to the nearest piece.
+    Faces that have no points are left out.
     """
     cloud, faces = parted.cloud, parted.faces
     source = topology.source
-    lost = np.setdiff1d(np.arange(len(faces.fits)), source)
+    lost = np.setdiff1d(np.unique(faces.label[faces.label >= 0]), source)
     area = np.bincount(topology.mesh.face, _triangle_areas(topology), minlength=len(source))
     numbers = np.append(parted.numbers[source], parted.numbers[lost])
     label = np.full(len(faces.fits) + 1, -1, np.int32)  # the last stands for no face
@@ -153,7 +154,7 @@ def by_topology(parted: Parted, topology: Topology) -> Parted:
         label[own] = topology.mesh.face[triangles[nearest]]
     order = np.append(source, lost).tolist()
     place = {k: new for new, k in reversed(list(enumerate(order)))}
-    smooth = frozenset((min(place[i], place[j]), max(place[i], place[j])) for i, j in faces.smooth)
+    smooth = frozenset((min(place[i], place[j]), max(place[i], place[j])) for i, j in faces.smooth if i in place and j in place)
     fits = tuple(faces.fits[k] for k in order)
     return replace(parted, faces=replace(faces, label=label, fits=fits, smooth=smooth), numbers=numbers)
 

@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 from scan2nurbs.brep.known import Known
 from scan2nurbs.brep.part import ModelParams, PartModel, build_part
 from scan2nurbs.errors import NoResultError
+from scan2nurbs.faces.dissolve import Dissolved, dissolve
 from scan2nurbs.faces.topology import Topology, TopologyParams, find_topology
 from scan2nurbs.kernels.runner import Progress
+from scan2nurbs.part_faces import Parted
 from scan2nurbs.scale import Scale
 from scan2nurbs.surfaces.relations import Related
 from scan2nurbs.surfaces.shape_fit import ShapeFit
@@ -25,6 +27,8 @@ _COVERED = 0.95
 """Where a model covers less of the scan than this, a surface is missing, or is on the wrong side of its borders."""
 _WIDER = 2.0
 """Where a face does not fit its neighbours, tolerances may be so many times as wide: better than an open part."""
+_GIVEN_UP = 2
+"""How often faces that fit nowhere are given up: what closes one place may show that another does not fit."""
 _LESS = 0.02
 """How much more of the scan a model has to cover to be the better one for it, closed or not."""
 
@@ -41,12 +45,15 @@ class Reading:
         The surfaces it was built of.
     released : frozenset of int
         Faces, as the fits are numbered, whose surfaces were taken as they were before relations were imposed.
+    dissolved : Dissolved, optional
+        The faces of the points, where some were given up.
     """
 
     part: PartModel
     topology: Topology
     fits: tuple[ShapeFit, ...]
     released: frozenset[int] = frozenset()
+    dissolved: Dissolved | None = None
 
     @property
     def misfits(self) -> list[int]:
@@ -105,17 +112,19 @@ def build_from_readings(
     Where a border runs within the spacing of the points is chance, and now and then chance draws one that no face can be trimmed by. Each
     further reading leaves out another tenth of the points, so that its borders are others. A surface that a relation has moved may
     also have been moved off a neighbour that the relation does not know of: around what does not fit, relations are given up, in the
-    last reading all of them. Before that, wider tolerances are tried, which hold from then on. Deterministic.
+    last reading all of them. Before that, wider tolerances are tried, which hold from then on. Readings give way in turns in one of two
+    ways where a face does not fit. What is left open then by faces that lie
+    as close to their neighbours' surfaces as points do that belong to them, is closed without these, if it can be. Deterministic.
     """
     known = Known()
     best = last = Reading(build_part(points, fits, topology, scale, params, progress, known=known), topology, tuple(fits))
     related = frozenset(f for f, fit in enumerate(fits) if fit is not unrelated[f])
     if not best.fits_together:
         params = replace(params, bearable=_WIDER * params.bearable)
-        last = replace(best, part=build_part(points, fits, topology, scale, params, progress, known=known))
+        last = replace(best, part=build_part(points, fits, topology, scale, params, progress, known=known, other_way=True))
         best = last if last.betters(best) else best
     for turn in range(1, READINGS):
-        if best.fits_together or len(last.misfits) > _SOME:
+        if best.fits_together or len(best.misfits) > _SOME:
             break
         released = (last.released | _around(last)) & related if turn < READINGS - 1 else related
         use = tuple(unrelated[f] if f in released else fit for f, fit in enumerate(fits))
@@ -123,19 +132,59 @@ def build_from_readings(
             again = find_topology(points, label, use, scale, topology_params, reading=turn)
             # Triangles are what some faces fail for. Bent surfaces are not asked for fine ones: that may take minutes.
             fine = all(face.trimmed != "bent" for face in last.part.faces)
-            last = Reading(build_part(points, use, again, scale, params, progress, fine=fine), again, use, released)
+            part = build_part(points, use, again, scale, params, progress, fine=fine, other_way=turn % 2 == 1)
+            last = Reading(part, again, use, released)
         except NoResultError:
             continue
         best = last if last.betters(best) else best
+    return best if best.fits_together or len(best.misfits) > _SOME else _dissolved(best, points, label, scale, topology_params, params)
+
+
+def _dissolved(
+    best: Reading, points: NDArray[np.float64], label: NDArray[np.int32], scale: Scale, topology_params: TopologyParams, params: ModelParams
+) -> Reading:
+    """Return a model without small faces that fit nowhere, if that closes it; else the best one that there was."""
+    last, gone = best, frozenset[int]()
+    shapes = [fit.shape for fit in best.fits]
+    for _ in range(_GIVEN_UP):
+        given = dissolve(points, label, shapes, last.topology, last.misfits, params.reach * scale.h + 3.0 * scale.noise)
+        if given is None:
+            break
+        label, gone = given.label, gone.union(given.faces)
+        try:
+            topology = find_topology(points, label, best.fits, scale, topology_params)
+            part = build_part(points, best.fits, topology, scale, params)
+        except NoResultError:
+            break
+        last = Reading(part, topology, best.fits, best.released, replace(given, faces=tuple(sorted(gone))))
+        if last.fits_together and last.betters(best):
+            return last
     return best
+
+
+def without_dissolved(parted: Parted, reading: Reading) -> Parted:
+    """Return the faces with the points that a reading gave to others, and say so."""
+    gone = reading.dissolved
+    if gone is None:
+        return parted
+    names = " and ".join(parted.names[f] for f in gone.faces)
+    they, were = ("they", "were") if len(gone.faces) > 1 else ("it", "was")
+    note = (
+        f"{names} {were} given up, since {they} could not be trimmed between their neighbours, which have their points now: "
+        f"95 % of these lie within {gone.off:.3g} of the neighbours' surfaces."
+    )
+    faces = parted.faces
+    return replace(parted, faces=replace(faces, label=gone.label, notes=(*faces.notes, note)))
 
 
 def without_relations(related: Related, reading: Reading, names: Sequence[str]) -> Related:
     """Return the relations that hold in a reading, and say what was given up."""
-    kept = tuple(relation for relation in related.relations if not reading.released.intersection(relation.faces))
-    if len(kept) == len(related.relations):
-        return replace(related, fits=reading.fits)
-    lost = len(related.relations) - len(kept)
+    gone = () if reading.dissolved is None else reading.dissolved.faces
+    relations = tuple(relation for relation in related.relations if not set(gone).intersection(relation.faces))
+    kept = tuple(relation for relation in relations if not reading.released.intersection(relation.faces))
+    if len(kept) == len(relations):
+        return replace(related, fits=reading.fits, relations=kept)
+    lost = len(relations) - len(kept)
     given_up = ", ".join(names[f] for f in sorted(reading.released))
     note = f"{lost} relations of {given_up} were given up, since with them a face did not fit its neighbours."
     return Related(reading.fits, kept, (*related.notes, note))

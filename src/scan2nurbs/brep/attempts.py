@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,6 +14,7 @@ from scan2nurbs.brep.conform import conformed, mesh_surface, yielding
 from scan2nurbs.brep.known import Known
 from scan2nurbs.brep.measure import tolerance
 from scan2nurbs.brep.shared import SharedFaces, sphere_axis, trim_faces
+from scan2nurbs.brep.untangle import Untangled, untangled
 from scan2nurbs.errors import NoResultError
 from scan2nurbs.faces.topology import Topology
 from scan2nurbs.kernels.runner import Progress
@@ -21,8 +22,10 @@ from scan2nurbs.kernels.runner import Progress
 ATTEMPTS = 5
 """Most attempts that are told of as progress."""
 
-_ROUNDS, _BENDS = 3, 2
+_ROUNDS, _BENDS, _UNTANGLED = 3, 2, 2
 _DENSE = 0.4
+_TIP = 0.25
+"""Shorter tips, in h, lie within the tolerances of their vertices, and are no reason to fail."""
 _MARGIN = 0.8
 """Gaps within this share of a tolerance can be held by it."""
 TOO_WIDE = "Its edges would lie too far from its neighbours."
@@ -39,14 +42,20 @@ class Attempt:
         Of each face; bent ones are B-splines.
     caution : tuple of int
         As in `lay_borders`, a border.
+    topology : Topology
+        The borders by which they were trimmed.
     bent : frozenset of int
         Faces whose surface was bent to reach its borders.
+    other_way : bool
+        As in `trim_part`.
     """
 
     made: SharedFaces
     shapes: tuple[Any, ...]
     caution: tuple[int, ...]
+    topology: Topology
     bent: frozenset[int] = frozenset()
+    other_way: bool = False
 
     def wide(self, most: float) -> list[int]:
         """Return the borders that lie farther than `most` from their surfaces."""
@@ -56,8 +65,10 @@ class Attempt:
         """Return the faces that cannot stay, and why: those that failed, and as few as hold all borders wider than `most`."""
         left = dict(self.made.failures)
         wide = [faces for faces in (self.made.curves[k].faces for k in self.wide(most)) if min(faces) >= 0 and not left.keys() & set(faces)]
+        # The other way, a face is wrong of which most borders are wide, and not the larger ones around it.
+        n_borders = np.array([max(sum(map(len, loops)), 1) if self.other_way else 1 for loops in self.topology.loops])
         while wide:
-            counts = np.bincount(np.ravel(wide))
+            counts = np.bincount(np.ravel(wide), minlength=self.topology.n_faces) / n_borders
             worst = int(np.flatnonzero(counts == counts.max())[-1])
             left[worst] = TOO_WIDE
             wide = [faces for faces in wide if worst not in faces]
@@ -78,6 +89,7 @@ def trim_part(
     tell: Progress,
     known: Known | None = None,
     fine: bool = False,
+    other_way: bool = False,
 ) -> tuple[Attempt, list[str]]:
     """Trim the faces of a part along shared borders.
 
@@ -100,6 +112,9 @@ def trim_part(
         What was computed for the same topology.
     fine : bool
         Whether faces must have fine triangles, too.
+    other_way : bool
+        Whether borders of faces that fail meet where they cross beside a vertex, and faces are left out by how many of their borders are
+        wide. Neither way is better; what one leaves open the other may close.
 
     Returns
     -------
@@ -116,33 +131,79 @@ def trim_part(
     best, known = None, known or Known()
     caution = (0,) * len(topology.borders)
     for turn in range(_ROUNDS):
-        tried = Attempt(trim_faces(shapes, topology, h, scale, caution, known=known, fine=fine), tuple(shapes), caution)
+        tried = _trimmed(shapes, topology, caution, h, scale, known, fine, other_way)
         tell(turn + 1, ATTEMPTS)
         best = tried if best is None or rank(tried) < rank(best) else best
         if rank(best) == (0, 0):
             break
+        topology = tried.topology
         near = {k for f in tried.made.failures for loop in topology.loops[f] for k, _ in loop} | set(tried.wide(most))
-        caution = tuple(min(care + (k in near), 2) for k, care in enumerate(caution))
+        caution = tuple(min(care + (k in near), 2) for k, care in enumerate(tried.caution))
     assert best is not None
     unbent = best.shapes
     for turn in range(_BENDS):
         if rank(best) == (0, 0):
             break
-        tried = _bent(best, unbent, topology, h, scale, widest, known, fine)
+        tried = _bent(best, unbent, h, scale, widest, known, fine)
         tell(_ROUNDS + turn + 1, ATTEMPTS)
         if tried is None or rank(tried) >= rank(best):
             break
         best = tried
-    best = _loosened(best, topology, h, scale, bearable, known, fine)
-    tried = _on_mesh(best, topology, h, scale, bearable, known, fine)
-    best = best if tried is None else _loosened(tried, topology, h, scale, bearable, known, fine)
+    best = _loosened(best, h, scale, bearable, known, fine)
+    tried = _on_mesh(best, h, scale, bearable, known, fine)
+    best = best if tried is None else _loosened(tried, h, scale, bearable, known, fine)
     return best, _notes(best.made.curves, best.bent, unbent, widest * h, h)
+
+
+def _trimmed(
+    shapes: Sequence[Any],
+    topology: Topology,
+    caution: Sequence[int],
+    h: float,
+    scale: float,
+    known: Known,
+    fine: bool,
+    other_way: bool,
+    without: Mapping[int, str] | None = None,
+    bent: frozenset[int] = frozenset(),
+) -> Attempt:
+    """Trim faces; where borders of one that fails cross beside a vertex, they meet there if that helps."""
+    made = trim_faces(shapes, topology, h, scale, caution, without, known, fine)
+    best = Attempt(made, tuple(shapes), tuple(caution), topology, bent, other_way)
+    for _ in range(_UNTANGLED if other_way else 0):
+        found = untangled(best.topology, best.made.tangles(best.topology, sorted(best.made.failures), h, _TIP * h), h)
+        if found is None:
+            break
+        care = _careful(best, found)
+        made = trim_faces(shapes, found.topology, h, scale, care, without, known, fine)
+        if len(made.failures) >= len(best.made.failures):
+            break
+        best = replace(best, made=made, caution=care, topology=found.topology)
+    return best
+
+
+def _careful(attempt: Attempt, found: Untangled) -> tuple[int, ...]:
+    """Return the caution of the borders once some meet where they crossed: there surfaces hardly do, and the borders' points say more."""
+    return tuple(2 if k in found.changed else attempt.caution[old] for k, old in enumerate(found.kept.tolist()))
+
+
+def without_tips(
+    attempt: Attempt, faces: Sequence[int], h: float, scale: float, bearable: float, known: Known, fine: bool
+) -> Attempt | None:
+    """Trim the faces of an attempt once more, so that borders of some of them meet where they cross; None where none do, or it fails."""
+    found = untangled(attempt.topology, attempt.made.tangles(attempt.topology, faces, h), h)
+    if found is None:
+        return None
+    care = _careful(attempt, found)
+    made = trim_faces(attempt.shapes, found.topology, h, scale, care, attempt.left(_MARGIN * bearable * h), known, fine)
+    again = replace(attempt, made=made, caution=care, topology=found.topology)
+    before, after = (len(one.left(_MARGIN * bearable * h)) for one in (attempt, again))
+    return again if after <= before else None
 
 
 def _bent(
     best: Attempt,
     unbent: Sequence[Any],
-    topology: Topology,
     h: float,
     scale: float,
     widest: float,
@@ -150,6 +211,7 @@ def _bent(
     fine: bool,
 ) -> Attempt | None:
     """Bend the surfaces of faces that fail or do not meet their neighbours, and try again."""
+    topology = best.topology
     first = sorted(best.bent | best.made.failures.keys())
     faces, curves = yielding(unbent, topology, h, best.caution, _MARGIN * widest, first, known)
     shapes, bent = list(unbent), set()
@@ -165,7 +227,7 @@ def _bent(
         return None
     around = {k for f in bent for loop in topology.loops[f] for k, _ in loop}
     caution = tuple(max(care, int(k in around) + int(k in around and bool(best.bent))) for k, care in enumerate(best.caution))
-    return Attempt(trim_faces(shapes, topology, h, scale, caution, known=known, fine=fine), tuple(shapes), caution, frozenset(bent))
+    return _trimmed(shapes, topology, caution, h, scale, known, fine, best.other_way, bent=frozenset(bent))
 
 
 def _reaching(
@@ -193,13 +255,13 @@ def _reaching(
     return known(("bend", f, "none" if shape is None else shape, b"" if towards is None else towards.tobytes(), *borders), bend)
 
 
-def _on_mesh(best: Attempt, topology: Topology, h: float, scale: float, bearable: float, known: Known, fine: bool) -> Attempt | None:
+def _on_mesh(best: Attempt, h: float, scale: float, bearable: float, known: Known, fine: bool) -> Attempt | None:
     """Try again with surfaces through the mesh for the faces that cannot stay; return None where no fewer are left then.
 
     A surface of the wrong kind, as a cylinder for a strip that is none, may cross itself when it is bent to its borders; what the mesh
     shows does not. The borders are those that its neighbours have without it.
     """
-    left = best.left(_MARGIN * bearable * h)
+    left, topology = best.left(_MARGIN * bearable * h), best.topology
     shapes: dict[int, Any] = {}
     for f in sorted(left):
         bend = _reaching(None, f, topology, _lines(f, topology, best.made.curves, h), h, None, known)
@@ -213,8 +275,7 @@ def _on_mesh(best: Attempt, topology: Topology, h: float, scale: float, bearable
         caution = tuple(2 if k in around else care for k, care in enumerate(best.caution))
         all_shapes = [shapes.get(f, shape) for f, shape in enumerate(best.shapes)]
         others = {f: why for f, why in left.items() if f not in shapes}
-        made = trim_faces(all_shapes, topology, h, scale, caution, others, known, fine)
-        tried = Attempt(made, tuple(all_shapes), caution, best.bent | shapes.keys())
+        tried = _trimmed(all_shapes, topology, caution, h, scale, known, fine, best.other_way, others, best.bent | shapes.keys())
         spoilt = tried.spoilt(bearable * h * scale)
         if len(tried.left(_MARGIN * bearable * h).keys() | spoilt) < len(left):
             return tried
@@ -237,13 +298,13 @@ def _dense(border: BorderCurve, h: float) -> NDArray[np.float64]:
     return points if length < 64 * _DENSE * h else border.curve(border.curve.samples(int(np.ceil(length / (_DENSE * h)))))
 
 
-def _loosened(best: Attempt, topology: Topology, h: float, scale: float, bearable: float, known: Known, fine: bool) -> Attempt:
+def _loosened(best: Attempt, h: float, scale: float, bearable: float, known: Known, fine: bool) -> Attempt:
     """Trim the faces again without those that failed, or that only too wide a tolerance would hold to their neighbours."""
     for _ in range(2):
         left = best.left(_MARGIN * bearable * h)
         if left.keys() == best.made.left_out:
             break
-        best = replace(best, made=trim_faces(best.shapes, topology, h, scale, best.caution, left, known, fine))
+        best = replace(best, made=trim_faces(best.shapes, best.topology, h, scale, best.caution, left, known, fine))
     return best
 
 

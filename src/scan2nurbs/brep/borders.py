@@ -81,6 +81,7 @@ def lay_borders(
     h: float,
     caution: Sequence[int] | None = None,
     known: Known | None = None,
+    held: Collection[int] = (),
 ) -> tuple[list[BorderCurve], Floats]:
     """Lay a curve along every border, and the vertices where the surfaces and the curves that meet there agree.
 
@@ -97,6 +98,8 @@ def lay_borders(
         How closely each border's own points are followed, whatever the surfaces say: 0 not at all, 1 by a fair curve, 2 by all of them.
     known : Known, optional
         Curves that were laid before.
+    held : collection of int
+        Vertices that stay where they are.
 
     Returns
     -------
@@ -110,7 +113,7 @@ def lay_borders(
     for border, care in zip(borders, caution, strict=True):
         beside = [shapes[f] for f in border.faces if f >= 0]
         guides.append(known(("guide", border, care, *beside), lambda b=border, c=care: _guide(b, shapes, h, c)))
-    placed = _place_vertices(borders, guides, vertices, shapes, h, known)
+    placed = _place_vertices(borders, guides, vertices, shapes, h, known, held)
     curves = []
     for border, guide in zip(borders, guides, strict=True):
         ends = placed[list(border.vertices)].tobytes() if border.vertices[0] >= 0 else b""
@@ -222,7 +225,13 @@ def _forward(points: Floats, along: Floats, step: float) -> list[int]:
 
 
 def _place_vertices(
-    borders: Sequence[Border], guides: Sequence[_Guide], vertices: Floats, shapes: Sequence[Shape], h: float, known: Known
+    borders: Sequence[Border],
+    guides: Sequence[_Guide],
+    vertices: Floats,
+    shapes: Sequence[Shape],
+    h: float,
+    known: Known,
+    held: Collection[int],
 ) -> Floats:
     """Move each vertex to where the surfaces around it meet; lines of contact and drawn curves decide what they leave open."""
     ends: list[list[tuple[int, int]]] = [[] for _ in range(len(vertices))]
@@ -233,7 +242,7 @@ def _place_vertices(
     placed = np.array(vertices, np.float64).reshape(-1, 3)
     for v, meet in enumerate(ends):
         around = sorted({f for k, _ in meet for f in borders[k].faces if f >= 0})
-        if around:
+        if around and v not in held:
             given = (placed[v], [shapes[f] for f in around], [guides[k] for k, _ in meet], h)
             placed[v] = known(("vertex", given[0].tobytes(), *given[1], *given[2]), lambda g=given: _placed(*g))
     return placed

@@ -81,7 +81,7 @@ def yielding(
     bent, curves = set(first), list[BorderCurve]()
     for _ in range(_ROUNDS):
         borders = [without_faces(b, bent, known) for b in topology.borders]
-        curves, _ = lay_borders(borders, topology.vertices, shapes, h, caution, known)
+        curves, _ = lay_borders(borders, topology.vertices, shapes, h, caution, known, topology.held)
         wide = sorted((-c.gap, k) for k, c in enumerate(curves) if min(c.faces) >= 0 and c.gap > widest * h)
         moved: set[int] = set()
         for _, k in wide:

@@ -46,9 +46,28 @@ class Surroundings:
     scale: float
 
 
-def join_faces(
-    faces: list[Pieces], how: list[str], around: Surroundings, widest: float, notes: list[str]
-) -> tuple[list[Pieces], list[str], Assembled]:
+@dataclass(frozen=True)
+class Joined:
+    """Faces that were joined.
+
+    Attributes
+    ----------
+    faces : list of tuple of TopoDS_Face
+        The pieces of each face.
+    how : list of str
+        How each was trimmed, see `PartFace`.
+    whole : Assembled
+    unseen : tuple of int
+        Faces that left their neighbours, since they would be lost where the part is shown.
+    """
+
+    faces: list[Pieces]
+    how: list[str]
+    whole: Assembled
+    unseen: tuple[int, ...] = ()
+
+
+def join_faces(faces: list[Pieces], how: list[str], around: Surroundings, widest: float, notes: list[str]) -> Joined:
     """Join faces that share edges, and sew those with outlines of their own to them where that keeps all valid.
 
     Parameters
@@ -63,18 +82,19 @@ def join_faces(
     notes : list of str
         Is told what changed.
 
-    Returns
-    -------
-    faces, how : lists
-        As they are after that.
-    whole : Assembled
-
     Raises
     ------
     NoResultError
         If no face is valid at all.
     """
-    faces, how, whole = _shown(faces, how, around, notes)
+    shown = _shown(faces, how, around, notes)
+    faces, how, whole = _valid(shown, around, widest, notes)
+    return Joined(faces, how, whole, shown.unseen)
+
+
+def _valid(shown: Joined, around: Surroundings, widest: float, notes: list[str]) -> tuple[list[Pieces], list[str], Assembled]:
+    """Sew on what has an outline of its own; what is invalid then leaves its neighbours."""
+    faces, how, whole = shown.faces, shown.how, shown.whole
     if whole.n_free_edges and "alone" in how:
         sewn = sew(faces, widest * around.h * around.scale)
         if sewn is not None and endures((joined := _together(sewn)).shape):
@@ -104,9 +124,9 @@ def _together(faces: Sequence[Pieces]) -> Assembled:
     return assemble(every)
 
 
-def _shown(faces: list[Pieces], how: list[str], around: Surroundings, notes: list[str]) -> tuple[list[Pieces], list[str], Assembled]:
+def _shown(faces: list[Pieces], how: list[str], around: Surroundings, notes: list[str]) -> Joined:
     """Give outlines of their own to faces that would be lost, or spoil a neighbour, where the part is shown."""
-    faces, how, whole = list(faces), list(how), _together(faces)
+    faces, how, whole, left = list(faces), list(how), _together(faces), list[int]()
     for _ in range(_SHOWN):
         try:
             bent = [f for f, kind in enumerate(how) if kind == "bent"]
@@ -117,10 +137,11 @@ def _shown(faces: list[Pieces], how: list[str], around: Surroundings, notes: lis
             break
         # Of two neighbours with a bad edge between them the narrower one is at fault.
         worst = min(lost, key=lambda f: (sum(map(rough_area, faces[f])), f))
+        left.append(worst)
         faces[worst], how[worst] = _alone(worst, around)
         notes.append(_left(worst, around, how, "would be lost where the part is shown"))
         whole = _together(faces)
-    return faces, how, whole
+    return Joined(faces, how, whole, tuple(left))
 
 
 def _released(faces: list[Pieces], how: list[str], around: Surroundings, notes: list[str]) -> tuple[list[Pieces], list[str], Assembled]:

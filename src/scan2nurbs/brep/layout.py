@@ -19,7 +19,7 @@ _LEAST = 48
 _CLEAR = 1.5
 _NEAR = 0.02
 _ALONG = 20
-"""What it costs a seam to run along a border, in borders that it cuts."""
+"""What it costs a seam to run along a border, or to touch a loop, in borders that it cuts."""
 
 
 @dataclass(frozen=True)
@@ -207,6 +207,35 @@ def _area(uv: Floats) -> float:
     return 0.5 * float(np.sum(u * np.roll(v, -1) - np.roll(u, -1) * v))
 
 
+def _cost(aside: Floats, period: float, length: Floats, near: float) -> int:
+    """Return how often a seam cuts a loop apart from its vertices; more where it runs along it, or touches it.
+
+    What only touches a loop parts it nowhere, and two wires may not touch.
+
+    Parameters
+    ----------
+    aside : (K,) float64
+        How far from the seam, in u within half a period, the loop runs.
+    period : float
+    length : (K,) float64
+        By how much a step in u moves its points.
+    near : float
+        Up to which distance they lie on the seam.
+    """
+    kept = np.r_[True, np.diff(aside) != 0.0]  # where two borders meet, the loop has a point twice
+    aside, length = aside[kept], length[kept]
+    side = np.where(np.abs(aside) * length <= near, 0.0, np.sign(aside))
+    if not side.any():
+        return _ALONG
+    first = int(np.flatnonzero(side)[0])
+    side, aside = (np.append(np.roll(x, -first), x[first]) for x in (side, aside))
+    off = np.flatnonzero(side)
+    before, after = off[:-1], off[1:]
+    on = after - before - 1
+    passes = (side[before] != side[after]) & (np.abs(aside[before] - aside[after]) < 0.5 * period)
+    return int(np.count_nonzero(passes & (on == 0))) + _ALONG * int(np.count_nonzero((on > 1) | ((on == 1) & ~passes)))
+
+
 def _best_seam(
     chart: Chart, loops: Sequence[Path], curves: Sequence[BorderCurve], marked: Sequence[Sequence[float]], paths: list, h: float
 ) -> float:
@@ -229,14 +258,10 @@ def _best_seam(
     for u in candidates:
         off = np.abs((uv[:, 0] - u + 0.5 * period) % period - 0.5 * period) * stretch
         hit = off <= _NEAR * h
-        crossings = 0
-        for (path, _), length in zip(paths, lengths, strict=True):
-            turns = np.floor((path[:, 0] - u) / period)
-            crossings += int(np.abs(np.diff(turns)).sum())
-            beside = np.abs((path[:, 0] - u + 0.5 * period) % period - 0.5 * period) * length <= _NEAR * h
-            crossings += _ALONG * int((beside[1:] & beside[:-1]).any())
+        aside = [(path[:, 0] - u + 0.5 * period) % period - 0.5 * period for path, _ in paths]
         near = off[~hit].min(initial=np.inf)
-        cost = max(crossings - int(hit.sum()), 0) + (10.0 if near < 0.5 * h else 1.0 if near < _CLEAR * h else 0.0)
+        cost = float(sum(_cost(d, period, length, _NEAR * h) for d, length in zip(aside, lengths, strict=True)))
+        cost += 10.0 if near < 0.5 * h else 1.0 if near < _CLEAR * h else 0.0
         cost += 0.01 * (off[hit].max(initial=0.0) / h)
         if cost < least - 1e-9:
             best, least = float(u), cost

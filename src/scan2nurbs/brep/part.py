@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from scan2nurbs.brep.alone import trim_alone, trim_anew
-from scan2nurbs.brep.attempts import ATTEMPTS, TOO_WIDE, Attempt, trim_part
+from scan2nurbs.brep.attempts import ATTEMPTS, TOO_WIDE, Attempt, trim_part, without_tips
 from scan2nurbs.brep.borders import BorderCurve
 from scan2nurbs.brep.cad import tessellate
 from scan2nurbs.brep.check import check, is_valid, is_valid_meshed
@@ -22,7 +22,6 @@ from scan2nurbs.brep.join import Surroundings, join_faces
 from scan2nurbs.brep.known import Known
 from scan2nurbs.brep.measure import area, rough_area, tolerance, volume
 from scan2nurbs.brep.occ import silence
-from scan2nurbs.brep.shared import SharedFaces
 from scan2nurbs.brep.solids import compound
 from scan2nurbs.errors import InputError, NoResultError, ParameterError
 from scan2nurbs.faces.topology import Fitted, Topology
@@ -156,6 +155,11 @@ class PartModel:
     rms: float
     notes: tuple[str, ...]
 
+    @property
+    def n_apart(self) -> int:
+        """How many faces do not share their edges with their neighbours."""
+        return sum(face.trimmed in ("alone", "lost") for face in self.faces)
+
     @cached_property
     def area(self) -> float:
         """The area, in the cloud's unit squared; found when it is asked for, since it takes long where surfaces are bent."""
@@ -177,6 +181,7 @@ def build_part(
     *,
     known: Known | None = None,
     fine: bool = False,
+    other_way: bool = False,
 ) -> PartModel:
     """Build the model of a part from its surfaces and from how they meet.
 
@@ -196,6 +201,8 @@ def build_part(
     fine : bool
         Whether each face must have fine triangles as well as coarse ones to count as trimmed: that takes longer, and now and then it
         is what keeps a face with its neighbours.
+    other_way : bool
+        As in `trim_part`: one of two ways to give way where faces do not fit.
 
     Raises
     ------
@@ -208,25 +215,22 @@ def build_part(
         raise NoResultError("There is no face to build a model of.")
     factor = kernel_scale(float(np.linalg.norm(np.ptp(points, axis=0))))
     tell = progress or (lambda _done, _total: None)
-    shapes = [fits[k].shape for k in topology.source]
-    trimmed, notes = trim_part(shapes, topology, scale.h, factor, params.widest, params.bearable, tell, known, fine)
-    faces, how = _completed(trimmed, shapes, topology, scale.h, factor, params, notes)
-    model = _model(points, trimmed.shapes, topology, trimmed.made, faces, how, scale, factor, params, notes)
+    known, shapes = known or Known(), [fits[k].shape for k in topology.source]
+    trimmed, notes = trim_part(shapes, topology, scale.h, factor, params.widest, params.bearable, tell, known, fine, other_way)
+    model, unseen = _model(points, trimmed, shapes, scale, factor, params, notes)
+    again = without_tips(trimmed, unseen, scale.h, factor, params.bearable, known, fine) if unseen else None
+    if again is not None:
+        other, _ = _model(points, again, shapes, scale, factor, params, notes)
+        model = other if other.valid and other.n_apart < model.n_apart else model
     tell(ATTEMPTS, ATTEMPTS)
     return model
 
 
 def _completed(
-    trimmed: Attempt,
-    shapes: list[Any],
-    topology: Topology,
-    h: float,
-    factor: float,
-    params: ModelParams,
-    notes: list[str],
+    trimmed: Attempt, shapes: list[Any], h: float, factor: float, params: ModelParams, notes: list[str]
 ) -> tuple[list[tuple[Any, ...]], list[str]]:
     """Give faces that failed an outline of their own."""
-    made, caution = trimmed.made, trimmed.caution
+    made, caution, topology = trimmed.made, trimmed.caution, trimmed.topology
     faces, how = list(made.faces), []
     room = _room(topology, h)
     least = np.where(np.isfinite(room), _LEAST * room - 20.0 * h**2, 0.0)
@@ -283,26 +287,27 @@ def _size(pieces: tuple[Any, ...], factor: float) -> float:
 
 def _model(
     points: Floats,
-    shapes: Sequence[Any],
-    topology: Topology,
-    made: SharedFaces,
-    faces: list[tuple[Any, ...]],
-    how: list[str],
+    trimmed: Attempt,
+    unbent: list[Any],
     scale: Scale,
     factor: float,
     params: ModelParams,
-    notes: list[str],
-) -> PartModel:
-    faces, how, whole = join_faces(faces, how, Surroundings(shapes, topology, scale.h, factor), params.widest, notes)
+    notes: Sequence[str],
+) -> tuple[PartModel, tuple[int, ...]]:
+    """Return the model of faces that were trimmed, and those that had to leave it since they would be lost where it is shown."""
+    notes, shapes, topology = list(notes), trimmed.shapes, trimmed.topology
+    faces, how = _completed(trimmed, unbent, scale.h, factor, params, notes)
+    joined = join_faces(faces, how, Surroundings(shapes, topology, scale.h, factor), params.widest, notes)
+    faces, how, whole = joined.faces, joined.how, joined.whole
     found = check(whole.shape)
     measured = deviation(whole.shape, points, h=scale.h, reach=params.reach * scale.h + 3.0 * scale.noise, scale=factor)
-    return PartModel(
+    model = PartModel(
         shape=whole.shape,
         kernel_scale=factor,
         faces=tuple(
             PartFace(int(topology.source[f]), shapes[f].kind, pieces, _size(pieces, factor), how[f]) for f, pieces in enumerate(faces)
         ),
-        edges=tuple(_edge(curve) for curve in made.curves),
+        edges=tuple(_edge(curve) for curve in trimmed.made.curves),
         valid=found.valid,
         closed=found.closed,
         n_free_edges=whole.n_free_edges,
@@ -313,6 +318,7 @@ def _model(
         rms=measured.rms,
         notes=tuple(notes),
     )
+    return model, joined.unseen
 
 
 def _edge(curve: BorderCurve) -> PartEdge:

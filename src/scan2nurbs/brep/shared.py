@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -18,6 +18,7 @@ from scan2nurbs.brep.layout import Layout, cuts, lay_out
 from scan2nurbs.brep.occ import kernel_errors
 from scan2nurbs.brep.regions import regions
 from scan2nurbs.brep.sharing import KernelPart, Piece, steps_of
+from scan2nurbs.brep.untangle import Tangle, find_tangles
 from scan2nurbs.brep.wide import widened
 from scan2nurbs.errors import NoResultError
 from scan2nurbs.faces.topology import Topology
@@ -44,12 +45,20 @@ class SharedFaces:
         One a border.
     left_out : set of int
         Faces that were not tried.
+    layouts : tuple of Layout or None
+        How the faces lie in their parameters.
     """
 
     faces: tuple[tuple[Any, ...], ...]
     failures: dict[int, str]
     curves: tuple[BorderCurve, ...]
     left_out: frozenset[int] = frozenset()
+    layouts: tuple[Layout | None, ...] = ()
+
+    def tangles(self, topology: Topology, faces: Iterable[int], h: float, least: float = 0.0) -> list[Tangle]:
+        """Find where borders of some faces of a topology cross beside a vertex, no nearer to it than `least`; see `find_tangles`."""
+        laid = [(f, layout) for f in faces if (layout := self.layouts[f]) is not None]
+        return [tangle for f, layout in laid for tangle in find_tangles(layout.chart, _loops(topology, f), self.curves, h, least)]
 
 
 @dataclass
@@ -96,7 +105,7 @@ def trim_faces(
     if skipped:
         topology = replace(topology, borders=tuple(without_faces(border, skipped, known) for border in topology.borders))
     shapes = [known(("wide", f, s), lambda f=f, s=s: widened(s, border_points(topology, f), h)) for f, s in enumerate(shapes)]
-    curves, vertices = lay_borders(topology.borders, topology.vertices, shapes, h, caution, known)
+    curves, vertices = lay_borders(topology.borders, topology.vertices, shapes, h, caution, known, topology.held)
     work = _Work(curves, vertices, [[] for _ in curves], failures=dict(skipped))
     layouts = [None if f in skipped else _layout(work, shape, _loops(topology, f), f, h, scale) for f, shape in enumerate(shapes)]
     _cut(work, known)
@@ -117,7 +126,7 @@ def trim_faces(
             outline = _outline(work, kernel, [step for loop in _loops(topology, f) for step in loop])
             fault = known(("fault", f, shapes[f], fine, len(made), *outline), lambda m=made: _fault(m, fine, _LOOP * h * scale))
             work.failures.update({f: fault} if fault else {})
-    return SharedFaces(tuple(tuple(made) for made in faces), work.failures, tuple(work.curves), frozenset(skipped))
+    return SharedFaces(tuple(map(tuple, faces)), work.failures, tuple(work.curves), frozenset(skipped), tuple(layouts))
 
 
 def _fault(made: Sequence[Any], fine: bool, least: float) -> str:

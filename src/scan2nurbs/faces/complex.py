@@ -74,6 +74,8 @@ class Topology:
     mesh : LabelledMesh
     notes : tuple of str
         What was left out or looks odd, as sentences.
+    held : frozenset of int
+        Vertices that stay where they are, whatever the surfaces around them say.
     """
 
     vertices: Floats
@@ -86,6 +88,7 @@ class Topology:
     genus: NDArray[np.int32]
     mesh: LabelledMesh
     notes: tuple[str, ...]
+    held: frozenset[int] = frozenset()
 
     @property
     def n_faces(self) -> int:
