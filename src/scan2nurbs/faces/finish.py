@@ -22,6 +22,8 @@ from scan2nurbs.surfaces.shape_fit import PRIMITIVES, ShapeFit, choose_shape, fi
 NEARBY = 4
 ENOUGH = 3000
 """So many points of a face tell its kind."""
+ABOUT_AS_NEAR = 1.25
+"""A plainer surface may lie farther from the points by this factor than one that they do not determine."""
 
 
 def rank_faces(label: NDArray[np.int32], most: int | None) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
@@ -94,16 +96,31 @@ def _fit(points: NDArray[np.float64], normals: NDArray[np.float64], model: NDArr
 def _plainest(fit: ShapeFit, points: NDArray[np.float64], noise: float, kinds: Sequence[Kind]) -> ShapeFit:
     """Return a fit of a plainer kind, where the points amid the face do not ask for the kind that it has.
 
-    Labels err along borders: the ring of a plane with some of its fillet passes for the zone of a sphere.
+    Labels err along borders: the ring of a plane with some of its fillet passes for the zone of a sphere. And a model may have a radius
+    that is lost in the noise.
     """
-    plainer: list[Kind] = [kind for kind in PRIMITIVES[: PRIMITIVES.index(fit.shape.kind) + 1] if kind in kinds]
-    if len(plainer) < 2 or fit.covariance is None:
+    own = PRIMITIVES.index(fit.shape.kind)
+    if fit.covariance is None:
+        return _determined(fit, points, noise, [kind for kind in PRIMITIVES[:own] if kind in kinds])
+    plainer: list[Kind] = [kind for kind in PRIMITIVES[: own + 1] if kind in kinds]
+    if len(plainer) < 2:
         return fit
     try:
         found = choose_shape(points[:: max(1, len(points) // ENOUGH)], noise=noise, kinds=plainer).shape.kind
         return fit if found == fit.shape.kind else choose_shape(points, noise=noise, kinds=(found,))
     except NoResultError:  # too few of the points are amid the face
         return fit
+
+
+def _determined(fit: ShapeFit, points: NDArray[np.float64], noise: float, kinds: Sequence[Kind]) -> ShapeFit:
+    """Return a fit of a plainer kind for points that do not determine the kind that they have, if it is about as near to them."""
+    if not kinds:
+        return fit
+    try:
+        found = choose_shape(points, noise=noise, kinds=kinds)
+    except NoResultError:
+        return fit
+    return found if found.rms <= ABOUT_AS_NEAR * max(fit.rms, noise) else fit
 
 
 def refits(points: NDArray[np.float64], label: NDArray[np.int32], fits: Sequence[ShapeFit], noise: float) -> list[ShapeFit]:
