@@ -68,6 +68,23 @@ def test_kinds_that_were_not_asked_for_are_not_tried():
     assert fit.shape.kind == "sphere"
 
 
+def cylinder(point, axis, radius):
+    model = np.zeros(SIZE)
+    model[0], model[1:4], model[4:7], model[7] = CYLINDER, point, axis, radius
+    return model
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(("kinds", "kind"), [(KINDS, "plane"), (["cylinder"], "cylinder")])
+def test_a_strip_does_not_determine_a_radius_that_is_lost_in_its_noise(seed, kinds, kind):
+    rng = np.random.default_rng(seed)
+    u, v = grid(rng, 20, 4).T
+    points = np.column_stack([u, v, np.zeros_like(u)]) + rng.normal(scale=0.5, size=(len(u), 3))
+    models = cylinder([0.0, 2.0, -1.2], [1.0, 0.0, 0.0], 1.2)[None]
+    (fit,) = face_fits(points, np.full(points.shape, np.nan), np.zeros(len(points), np.int32), models, 0.5, 1.0, kinds)
+    assert fit.shape.kind == kind
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_a_narrow_band_is_of_a_cylinder_not_of_a_sphere(seed):
     rng = np.random.default_rng(seed)
