@@ -113,8 +113,8 @@ def build_from_readings(
     further reading leaves out another tenth of the points, so that its borders are others. A surface that a relation has moved may
     also have been moved off a neighbour that the relation does not know of: around what does not fit, relations are given up, in the
     last reading all of them. Before that, wider tolerances are tried, which hold from then on. Readings give way in turns in one of two
-    ways where a face does not fit. What is left open then by faces that lie
-    as close to their neighbours' surfaces as points do that belong to them, is closed without these, if it can be. Deterministic.
+    ways where a face does not fit. What is left open then by faces that lie as close to their neighbours' surfaces as points do that belong
+    to them, is closed without these, if it can be. Deterministic.
     """
     known = Known()
     best = last = Reading(build_part(points, fits, topology, scale, params, progress, known=known), topology, tuple(fits))
@@ -144,19 +144,19 @@ def _dissolved(
     best: Reading, points: NDArray[np.float64], label: NDArray[np.int32], scale: Scale, topology_params: TopologyParams, params: ModelParams
 ) -> Reading:
     """Return a model without small faces that fit nowhere, if that closes it; else the best one that there was."""
-    last, gone = best, frozenset[int]()
+    last, gone, off = best, frozenset[int](), 0.0
     shapes = [fit.shape for fit in best.fits]
     for _ in range(_GIVEN_UP):
         given = dissolve(points, label, shapes, last.topology, last.misfits, params.reach * scale.h + 3.0 * scale.noise)
         if given is None:
             break
-        label, gone = given.label, gone.union(given.faces)
+        label, gone, off = given.label, gone.union(given.faces), max(off, given.off)
         try:
             topology = find_topology(points, label, best.fits, scale, topology_params)
             part = build_part(points, best.fits, topology, scale, params)
         except NoResultError:
             break
-        last = Reading(part, topology, best.fits, best.released, replace(given, faces=tuple(sorted(gone))))
+        last = Reading(part, topology, best.fits, best.released, Dissolved(label, tuple(sorted(gone)), off))
         if last.fits_together and last.betters(best):
             return last
     return best
@@ -168,9 +168,9 @@ def without_dissolved(parted: Parted, reading: Reading) -> Parted:
     if gone is None:
         return parted
     names = " and ".join(parted.names[f] for f in gone.faces)
-    they, were = ("they", "were") if len(gone.faces) > 1 else ("it", "was")
+    they, their, were = ("they", "their", "were") if len(gone.faces) > 1 else ("it", "its", "was")
     note = (
-        f"{names} {were} given up, since {they} could not be trimmed between their neighbours, which have their points now: "
+        f"{names} {were} given up, since {they} could not be trimmed between {their} neighbours, which have {their} points now: "
         f"95 % of these lie within {gone.off:.3g} of the neighbours' surfaces."
     )
     faces = parted.faces
