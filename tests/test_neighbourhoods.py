@@ -138,6 +138,17 @@ def test_clusters_stand_for_the_points_of_large_balls():
     np.testing.assert_allclose(clustered.n_points[todo], exact.n_points[todo], rtol=0.03)
 
 
+def test_clusters_of_a_point_or_two_are_taken_where_they_are():
+    points = wavy(40_000, noise=0.1)
+    kept = (points[:, 0] < np.median(points[:, 0])) | (np.arange(len(points)) % 40 == 0)
+    cells = build_cells(points[kept], 5.0)
+    todo = np.arange(len(cells.points)) % 25 == 0
+    exact = ball_planes(cells, 40.0, exact=True, todo=todo)
+    clustered = ball_planes(cells, 40.0, todo=todo)
+    assert not np.array_equal(exact.normal[todo], clustered.normal[todo])
+    assert np.max(line_angles(exact.normal[todo], clustered.normal[todo])) < 1.0
+
+
 def test_clusters_stand_for_the_points_of_sectors():
     points = wavy(20_000, noise=0.05) * [1.0, 1.0, 0.1]
     cells = build_cells(points, 5.0)

@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from scan2nurbs.kernels.balls import add_shifted
 from scan2nurbs.kernels.candidates import LANES, list_near
 from scan2nurbs.kernels.cells import Cells, build_cells, runs_in_box
 from scan2nurbs.kernels.runner import inlined, run_ranges, summing
@@ -181,24 +180,25 @@ def gather_clusters(clusters, low, high, radius, centre, runs, indices, table):
 
 @summing
 def ball_sums_of_clusters(table, n, local, m, sums):
-    """Sum the clusters of the balls of radius 1 about m points (3, m), each about its own point, into (10, m)."""
-    x, y, z, share = table[0], table[1], table[2], table[_SHARES]
-    weight, xx, xy, xz, yy, yz, zz = table[16], table[17], table[18], table[19], table[20], table[21], table[22]
-    s0, s1, s2, s3, s4, s5, s6, s7, s8 = table[7], table[8], table[9], table[10], table[11], table[12], table[13], table[14], table[15]
-    shared = np.empty(10)
+    """Sum the clusters of the balls of radius 1 about m points (3, m), each about its own point, into (10, m).
+
+    Notes
+    -----
+    Of a cluster that the sphere cuts, that share lies inside which a uniform distribution as wide, towards p, as its own would have there.
+    The mean of what lies inside is nearer to p, and as far aside as the line of regression through the cluster's points: where the
+    share alone is counted, normals err twice as far.
+    """
+    x, y, z, weight = table[0], table[1], table[2], table[_WEIGHTS]
+    xx, xy, xz, yy, yz, zz = table[17], table[18], table[19], table[20], table[21], table[22]
+    share, dx, dy, dz = table[_SHARES], table[_SHARES + 1], table[_SHARES + 2], table[_SHARES + 3]
     for q in range(m):
-        _share_of_ball(x, y, z, n, local[0, q], local[1, q], local[2, q], weight, xx, xy, xz, yy, yz, zz, share)
-        _two_by_five(share, share, s0, s1, s2, s3, s4, n, sums, q, q, 0)
-        _two_by_five(share, share, s5, s6, s7, s8, weight, n, sums, q, q, 5)
-        for k in range(10):
-            shared[k] = sums[k, q]
-            sums[k, q] = 0.0
-        add_shifted(shared, local, q, q + 1, sums)
+        _inside_of_ball(x, y, z, n, local[0, q], local[1, q], local[2, q], weight, xx, xy, xz, yy, yz, zz, share, dx, dy, dz)
+        _sum_inside(share, weight, dx, dy, dz, n, xx, xy, xz, yy, yz, zz, sums, q)
 
 
 @inlined
-def _share_of_ball(x, y, z, n, px, py, pz, weight, cxx, cxy, cxz, cyy, cyz, czz, share):
-    """Write which share of each cluster is closer than 1 to p: that of a uniform distribution as wide, towards p, as its own."""
+def _inside_of_ball(x, y, z, n, px, py, pz, weight, cxx, cxy, cxz, cyy, cyz, czz, share, to_x, to_y, to_z):
+    """Write which share of each cluster is closer than 1 to p, and where, seen from p, the mean of that part is."""
     zero, half, one = np.float32(0.0), np.float32(0.5), np.float32(1.0)
     for j in range(n):
         dx, dy, dz = x[j] - px, y[j] - py, z[j] - pz
@@ -206,10 +206,39 @@ def _share_of_ball(x, y, z, n, px, py, pz, weight, cxx, cxy, cxz, cyy, cyz, czz,
         ax = cxx[j] * dx + cxy[j] * dy + cxz[j] * dz
         ay = cxy[j] * dx + cyy[j] * dy + cyz[j] * dz
         az = cxz[j] * dx + cyz[j] * dy + czz[j] * dz
+        along = ax * dx + ay * dy + az * dz
+        along = along if along > zero else zero
         # (1 − d) d = d − d², and the variance along d is dᵀCd / (w d²), of a uniform distribution width² / 12.
-        spread = np.sqrt(np.float32(12.0) * (ax * dx + ay * dy + az * dz) / (weight[j] + _TINY)) + _TINY
+        spread = np.sqrt(np.float32(12.0) * along / (weight[j] + _TINY)) + _TINY
         depth = (np.sqrt(square) - square) / spread + half
-        share[j] = one if depth > one else (depth if depth > zero else zero)
+        s = one if depth > one else (depth if depth > zero else zero)
+        back = half * (one - s) * spread / (along + _TINY)
+        share[j], to_x[j], to_y[j], to_z[j] = s, dx - back * ax, dy - back * ay, dz - back * az
+
+
+@inlined
+def _sum_inside(share, weight, dx, dy, dz, n, cxx, cxy, cxz, cyy, cyz, czz, sums, q):
+    zero = np.float32(0.0)
+    count, sx, sy, sz, xx = zero, zero, zero, zero, zero
+    for j in range(n):
+        w = share[j] * weight[j]
+        wx = w * dx[j]
+        count += w
+        sx += wx
+        sy += w * dy[j]
+        sz += w * dz[j]
+        xx += wx * dx[j] + share[j] * cxx[j]
+    xy, xz, yy, yz, zz = zero, zero, zero, zero, zero
+    for j in range(n):
+        w = share[j] * weight[j]
+        wy, wz = w * dy[j], w * dz[j]
+        xy += wy * dx[j] + share[j] * cxy[j]
+        xz += wz * dx[j] + share[j] * cxz[j]
+        yy += wy * dy[j] + share[j] * cyy[j]
+        yz += wy * dz[j] + share[j] * cyz[j]
+        zz += wz * dz[j] + share[j] * czz[j]
+    sums[0, q], sums[1, q], sums[2, q], sums[9, q] = sx, sy, sz, count
+    sums[3, q], sums[4, q], sums[5, q], sums[6, q], sums[7, q], sums[8, q] = xx, xy, xz, yy, yz, zz
 
 
 @summing

@@ -7,12 +7,9 @@ result does not depend on how many threads ran it: range borders follow from n a
 from __future__ import annotations
 
 import gc
-import logging
 import os
-import tempfile
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -20,10 +17,9 @@ import numba
 from numba.core import event
 
 from scan2nurbs.errors import ParameterError
+from scan2nurbs.kernels import compiled
 
-logger = logging.getLogger(__name__)
-
-# What Numba returns is called as the function was; its types say only that it is a dispatcher, hence the ignored return values below.
+# What Numba returns is called as the function was; its types say only that it is a dispatcher, hence the ignored return value below.
 Function = TypeVar("Function", bound=Callable[..., Any])
 Progress = Callable[[int, int], None]
 
@@ -39,18 +35,24 @@ def kernel(function: Function) -> Function:
     Its arithmetic stays as written. Numba compiles a function that others call once more within each of them, and which of the copies
     runs depends on whether they were compiled in this process or loaded from the cache: free to reorder, they would round differently.
     """
-    return numba.njit(nogil=True, cache=_cache_is_writable(), error_model="numpy")(function)  # type: ignore[return-value] - a dispatcher
+    return _compiled(function, nogil=True)
 
 
 def summing(function: Function) -> Function:
     """Compile a kernel whose sums may be reordered, twice as fast: for sums over neighbourhoods alone, tested to be the same to the bit."""
-    return numba.njit(nogil=True, cache=_cache_is_writable(), fastmath=REORDERING, error_model="numpy")(function)  # type: ignore[return-value] - a dispatcher
+    return _compiled(function, nogil=True, fastmath=REORDERING)
 
 
 def inlined(function: Function) -> Function:
     """Compile a function into the loops that call it, which only then become vector instructions."""
-    options = {"forceinline": True, "nogil": True, "fastmath": REORDERING, "error_model": "numpy"}
-    return numba.njit(cache=_cache_is_writable(), **options)(function)  # type: ignore[return-value] - a dispatcher
+    return _compiled(function, forceinline=True, nogil=True, fastmath=REORDERING)
+
+
+def _compiled(function: Function, **options: Any) -> Function:
+    dispatcher = numba.njit(cache=compiled.can_be_kept(), error_model="numpy", **options)(function)
+    if dispatcher.stats.cache_path is not None:
+        compiled.forget_outdated(Path(dispatcher.stats.cache_path))
+    return dispatcher  # type: ignore[return-value] - a dispatcher
 
 
 class _WithoutCollection(event.Listener):
@@ -121,20 +123,3 @@ def run_ranges(work: Callable[[int, int], None], n: int, *, size: int, progress:
     finally:
         # Ctrl-C must not wait for the ranges that nobody needs any more.
         pool.shutdown(wait=True, cancel_futures=True)
-
-
-@cache
-def _cache_is_writable() -> bool:
-    """Tell whether Numba finds a place for its cache; where it does not, caching would raise at import."""
-    if os.environ.get("NUMBA_CACHE_DIR"):
-        return True
-    home = Path(os.path.expanduser("~"))
-    # In a new home Numba makes the folder itself.
-    for folder in (Path(__file__).parent, home / ".cache" if (home / ".cache").exists() else home):
-        try:
-            with tempfile.TemporaryFile(dir=folder):
-                return True
-        except OSError:
-            continue
-    logger.info("no writable place for compiled kernels: they are compiled anew in every process")
-    return False
