@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from scan2nurbs import part_readings
+from scan2nurbs.brep import join
 from scan2nurbs.brep.part import ModelParams, build_part
 from scan2nurbs.faces.relabel import PARTS, take_samples
 from scan2nurbs.faces.topology import TopologyParams, find_topology
@@ -93,6 +94,26 @@ def test_wide_tolerances_are_taken_where_narrow_ones_leave_a_part_open(monkeypat
     assert found.released == frozenset()
 
 
+def test_faces_that_are_in_no_shell_are_not_closed_and_read_again(monkeypatch):
+    points, label, fits, scale = scanned_box()
+    counted = []
+
+    def good(whole):
+        """Find the shells of the first reading invalid, and sound what is in none."""
+        return not whole.joined or len(counted) > 1
+
+    monkeypatch.setattr(join, "_good", good)
+    monkeypatch.setattr(part_readings, "build_part", lambda *given, **how: counted.append(0) or build_part(*given, **how))
+    first = build_part(points, fits, find_topology(points, label, fits, scale), scale)
+    assert (first.joined, first.closed, first.n_solids, first.n_apart) == (False, False, 0, 0)
+    assert first.n_free_edges == 24, "four of every face, as in a file"
+    assert first.volume == 0.0
+    assert any("not joined to shells" in note for note in first.notes)
+    found = read(points, label, fits, fits, scale)
+    assert found.part.closed
+    assert len(counted) == 2
+
+
 def test_each_reading_leaves_out_another_tenth():
     points, label, fits, scale = scanned_box()
     shapes = [fit.shape for fit in fits]
@@ -113,6 +134,7 @@ def test_each_reading_leaves_out_another_tenth():
         ({"closed": True, "coverage": 0.985}, {"closed": False, "coverage": 0.99}),
         ({"closed": False, "n_free_edges": 9}, {"closed": False, "faces": (Made("alone"),), "n_free_edges": 3}),
         ({"closed": False, "n_free_edges": 3}, {"closed": False, "n_free_edges": 9}),
+        ({"closed": False, "faces": (Made("alone"),), "n_free_edges": 9}, {"closed": False, "joined": False, "n_free_edges": 3}),
     ],
 )
 def test_the_better_of_two_readings(better, worse):

@@ -64,7 +64,7 @@ class Reading:
     def fits_together(self) -> bool:
         """Whether there is nothing that another reading might do better: an open scan is not closed by reading it again."""
         part = self.part
-        return part.valid and part.coverage >= _COVERED and (part.closed or not self.misfits)
+        return part.valid and part.coverage >= _COVERED and part.joined and (part.closed or not self.misfits)
 
     def betters(self, other: Reading) -> bool:
         """Tell whether this is the better model of the two."""
@@ -73,7 +73,8 @@ class Reading:
             return mine.valid
         if abs(mine.coverage - its.coverage) > _LESS:
             return mine.coverage > its.coverage
-        return (mine.closed, -len(self.misfits), -mine.n_free_edges) > (its.closed, -len(other.misfits), -its.n_free_edges)
+        mine_fits, its_fit = (mine.closed, mine.joined, -len(self.misfits)), (its.closed, its.joined, -len(other.misfits))
+        return (*mine_fits, -mine.n_free_edges) > (*its_fit, -its.n_free_edges)
 
 
 def build_from_readings(

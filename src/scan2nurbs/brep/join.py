@@ -12,7 +12,7 @@ from scan2nurbs.brep.endure import endures, spoilt
 from scan2nurbs.brep.measure import rough_area
 from scan2nurbs.brep.occ import KernelError
 from scan2nurbs.brep.sewn import sew
-from scan2nurbs.brep.solids import Assembled, apart, assemble, compound
+from scan2nurbs.brep.solids import Assembled, apart, assemble, compound, loose
 from scan2nurbs.brep.viewed import unseen
 from scan2nurbs.errors import NoResultError
 from scan2nurbs.faces.topology import Topology
@@ -109,10 +109,10 @@ def _valid(shown: Joined, around: Surroundings, widest: float, notes: list[str])
     whole = _together(faces)
     if _good(whole):
         return faces, how, whole
-    loose = Assembled(compound([face for pieces in faces for face in pieces]), 0, whole.n_free_edges)
-    if _good(loose):
+    unjoined = loose([face for pieces in faces for face in pieces])
+    if _good(unjoined):
         notes.append("The CAD kernel finds the shells of these faces invalid: the faces are not joined to shells.")
-        return faces, how, loose
+        return faces, how, unjoined
     notes.append("The CAD kernel finds faces invalid that share edges: every face has edges of its own.")
     return _parted(faces, how, around, notes)
 
@@ -211,4 +211,4 @@ def _parted(
     left = ["alone" if pieces else "lost" for pieces in kept]
     notes += [_left(f, around, left, "is invalid") for f in _joined(range(len(kept)), how) if not kept[f]]
     every = [piece for pieces in kept for piece in pieces]
-    return kept, left, Assembled(compound(every), 0, assemble(every).n_free_edges)
+    return kept, left, loose(every)

@@ -131,7 +131,9 @@ class PartModel:
     faces : tuple of PartFace
     edges : tuple of PartEdge
     valid, closed : bool
-        Valid by the kernel's own analysis, triangulated, too; closed if every edge has two faces.
+        Valid by the kernel's own analysis, triangulated, too; closed if every edge has two faces, in shells.
+    joined : bool
+        Whether faces that share edges are joined to shells; not where the kernel finds these invalid.
     n_free_edges, n_solids : int
     max_tolerance : float
         In the cloud's unit.
@@ -147,6 +149,7 @@ class PartModel:
     edges: tuple[PartEdge, ...]
     valid: bool
     closed: bool
+    joined: bool
     n_free_edges: int
     n_solids: int
     max_tolerance: float
@@ -309,7 +312,8 @@ def _model(
         ),
         edges=tuple(_edge(curve) for curve in trimmed.made.curves),
         valid=found.valid,
-        closed=found.closed,
+        closed=found.closed and whole.joined,
+        joined=whole.joined,
         n_free_edges=whole.n_free_edges,
         n_solids=whole.n_solids,
         max_tolerance=found.max_tolerance / factor,

@@ -22,12 +22,15 @@ class Assembled:
         A solid or a shell, or a compound of several.
     n_solids : int
     n_free_edges : int
-        Edges with a face on one side only.
+        Edges with a face on one side only, as a reader of a file will find them.
+    joined : bool
+        Whether faces that share edges are in one shell.
     """
 
     shape: Any
     n_solids: int
     n_free_edges: int
+    joined: bool = True
 
 
 def assemble(faces: Sequence[Any]) -> Assembled:
@@ -52,6 +55,11 @@ def assemble(faces: Sequence[Any]) -> Assembled:
     solids = _solids(closed)
     parts = [*solids, *parts]
     return Assembled(parts[0] if len(parts) == 1 else compound(parts), len(solids), free)
+
+
+def loose(faces: Sequence[Any]) -> Assembled:
+    """Leave faces as they are, in no shell: in a file each has edges of its own."""
+    return Assembled(compound(faces), 0, assemble([apart(face) for face in faces]).n_free_edges, joined=False)
 
 
 def compound(shapes: Sequence[Any]) -> Any:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -107,6 +108,7 @@ def write_part(
     whole = _moved(part.shape, scale / part.kernel_scale, offset * scale)
     faces = _named(part, whole, names or [f"{face.kind}_{row}" for row, face in enumerate(part.faces)])
     model = check(whole)
+    model = replace(model, closed=model.closed and part.joined)
     if form in MESH_WRITERS or form == "3DM":
         return WrittenModel(Path(path), form, unit, model, _write_plain(path, form, whole, faces, unit, deflection))
     by_kind = colours or [COLOURS.get(face.kind, (0.7, 0.7, 0.7)) for face in part.faces]
