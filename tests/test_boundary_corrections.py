@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scan2nurbs.edges.corrections import Box, Lasso, Selection, apply_corrections, in_polygon, read_selection
+from scan2nurbs.edges.corrections import Lasso, in_polygon, read_selection
 from scan2nurbs.errors import InputError
 
 POINTS = np.array([[0, 0, 0], [5, 5, 0], [5, 5, 9], [20, 0, 0], [np.nan, 0, 0], [1e6, 1e6, 1e6]])
@@ -96,16 +96,6 @@ def test_files_that_cannot_be_read(tmp_path):
     (tmp_path / "binary").write_bytes(b"\xff\xfe\x00\x01")
     with pytest.raises(InputError, match="not UTF-8"):
         read_selection(tmp_path / "binary")
-
-
-def test_keep_only_and_drop():
-    mask = np.array([True, True, True, False, True, True])
-    kept = apply_corrections(POINTS, mask, keep_only=Selection(indices=(0, 1, 3)), drop=Selection(boxes=(Box((-1, -1, -1), (1, 1, 1)),)))
-    assert np.flatnonzero(kept).tolist() == [1]
-    assert mask.sum() == 5, "the given mask must stay as it was"
-    np.testing.assert_array_equal(apply_corrections(POINTS, mask), mask)
-    with pytest.raises(InputError, match="shapes"):
-        apply_corrections(POINTS, mask[:3])
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(3, 12))

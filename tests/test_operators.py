@@ -215,6 +215,7 @@ def test_what_is_no_cloud_is_refused(points):
         ({"repeat": 0}, "repeat"),
         ({"sequence": "vdn*3; dn"}, "sequence"),
         ({"sequence": "vdn*0"}, "sequence"),
+        ({"sequence": "auto, dn"}, "sequence"),
     ],
 )
 def test_parameters_out_of_range_are_refused(params, message):

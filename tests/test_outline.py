@@ -11,9 +11,13 @@ from scipy.spatial import KDTree
 from scan2nurbs.edges.corrections import in_polygon
 from scan2nurbs.errors import NoResultError, ParameterError
 from scan2nurbs.faces.crossings import crossing_loops, cut_small_loops
-from scan2nurbs.faces.outline import OutlineParams, find_outline, outline_loops
+from scan2nurbs.faces.outline import OutlineParams, find_outline
 
 S = 60.0
+
+
+def outline_loops(*given, **how):
+    return find_outline(*given, **how).loops
 
 
 def circle(radius, centre=(0.0, 0.0), n=400):

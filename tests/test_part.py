@@ -2,20 +2,23 @@
 
 import re
 from dataclasses import dataclass, field, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from scan2nurbs.brep import write_part as write_part_module
 from scan2nurbs.brep.borders import _ends, _guide, lay_borders
+from scan2nurbs.brep.cad import tessellate
 from scan2nurbs.brep.check import check
 from scan2nurbs.brep.part import build_part
 from scan2nurbs.brep.read import faces_of, read_shape
 from scan2nurbs.brep.write_part import write_part
 from scan2nurbs.errors import NoResultError, OutputError, ParameterError
 from scan2nurbs.faces.complex import Border, LabelledMesh, Topology
-from scan2nurbs.part_report import _named, _sentence
+from scan2nurbs.part_report import _named, _names_before, _sentence
 from scan2nurbs.scale import measure_scale
 from scan2nurbs.surfaces.cone import Cone
 from scan2nurbs.surfaces.cylinder import Cylinder
@@ -317,6 +320,30 @@ def test_other_formats_are_written(tmp_path, suffix):
     written = write_part(tmp_path / f"rod{suffix}", rod().build(), unit="mm")
     assert written.path.stat().st_size > 1000
     assert written.model.n_faces == 3
+
+
+def test_a_mesh_depends_on_the_part_and_not_on_triangles_that_were_left_on_it(tmp_path):
+    fresh, looked_at = rod().build(), rod().build()
+    tessellate(looked_at.shape, deflection=1e-4 * looked_at.kernel_scale)
+    first, second = (write_part(tmp_path / f"{k}.stl", part, unit="mm", deflection=0.5).path for k, part in enumerate((fresh, looked_at)))
+    assert first.read_bytes() == second.read_bytes()
+
+
+def test_a_file_that_cannot_be_read_again_is_an_output_error(tmp_path, monkeypatch):
+    path = tmp_path / "rod.brep"
+    monkeypatch.setattr(write_part_module, "write_brep", lambda written, _shape: written.write_bytes(b"garbage"))
+    with pytest.raises(OutputError, match=r"rod\.brep: What was written cannot be read again") as caught:
+        write_part(path, rod().build(), unit="mm")
+    assert caught.value.path == path
+    assert not list(tmp_path.iterdir())
+
+
+def test_relations_are_told_of_the_piece_that_kept_the_name_of_a_face():
+    corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [3, 0, 0], [0, 3, 0], [0, 0, 1]])
+    mesh = LabelledMesh(corners, np.array([[0, 1, 2], [0, 3, 4], [0, 1, 5]], np.int32), np.array([1, 0, 2], np.int32))
+    parted = replace(topology([], np.empty((0, 3)), (1, 1, 1)), mesh=mesh, source=np.array([0, 0, 1], np.int32))
+    names = ("plane_0", "plane_2", "cylinder_1")
+    assert _names_before(SimpleNamespace(topology=parted, names=names)) == {0: "plane_0", 1: "cylinder_1"}
 
 
 def test_wrong_parameters_are_told(tmp_path):

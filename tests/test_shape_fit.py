@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+from contextlib import suppress
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -135,6 +140,45 @@ def test_what_the_points_do_not_determine_is_refused(kind, of):
 def test_degenerate_points_end_in_a_sentence(kind, points):
     with pytest.raises(NoResultError, match=r"determine|suggest"):
         fit_shape(kind, points, noise=0.1)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_points_in_any_line_end_in_a_sentence(kind):
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        line = rng.normal(size=3) + np.outer(np.arange(30.0), rng.normal(size=3))
+        with pytest.raises(NoResultError, match=r"determine|suggest"):
+            fit_shape(kind, line, noise=1e-3)
+
+
+@pytest.mark.parametrize("extent", [1.0, 1e4])
+def test_nearly_flat_points_are_a_plane_and_a_huge_sphere_or_none(extent):
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        points = extent * np.c_[rng.uniform(-1, 1, (120, 2)), rng.normal(scale=1e-4, size=120)]
+        assert choose_shape(points, noise=1e-4 * extent).shape.kind == "plane"
+        with suppress(NoResultError):
+            assert fit_shape("sphere", points, noise=1e-4 * extent).shape.radius > 100.0 * extent
+
+
+def test_no_number_of_threads_changes_a_fit():
+    program = (
+        "import numpy as np; from scan2nurbs.surfaces.shape_fit import fit_shape; rng = np.random.default_rng(3)\n"
+        "for n in (20_000, 23_001, 25_000, 200_000):\n"
+        "    fit = fit_shape('plane', np.c_[rng.uniform(size=(n, 2)), rng.normal(scale=0.01, size=n)], noise=0.01)\n"
+        "    print(fit.criterion.hex(), fit.rms.hex())\n"
+    )
+    said = {
+        subprocess.run(
+            [sys.executable, "-c", program],
+            env=os.environ | {"OPENBLAS_NUM_THREADS": threads},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for threads in ("1", "2", "4")
+    }
+    assert len(said) == 1
 
 
 def test_wrong_arguments_are_told():

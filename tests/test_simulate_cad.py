@@ -24,6 +24,7 @@ from OCP.TopoDS import TopoDS_Shape
 
 from scan2nurbs.brep.cad import load_cad, tessellate
 from scan2nurbs.brep.occ import EXPORT_LOCK, silence
+from scan2nurbs.brep.read import read_shape
 from scan2nurbs.errors import InputError
 
 
@@ -149,6 +150,14 @@ def test_reads_step_in_millimetres_whatever_its_unit(tmp_path, unit):
     part = load_cad(path)
     assert part.area == pytest.approx(94)
     assert (part.unit, part.notes, len(part.faces)) == ("mm", (), 6)
+
+
+def test_millimetres_stay_millimetres_whatever_unit_was_written_or_read_before(tmp_path):
+    box, path = BRepPrimAPI_MakeBox(10.0, 20.0, 30.0).Shape(), tmp_path / "box.step"
+    write_step(box, path)
+    for unit in ("m", "in"):
+        read_shape(path, unit=unit)
+        assert np.ptp(load_cad(path).corners.reshape(-1, 3), axis=0) == pytest.approx([10.0, 20.0, 30.0])
 
 
 def test_reads_iges_and_brep(tmp_path):

@@ -266,6 +266,8 @@ def test_the_command_line_wants_either_a_scan_or_a_project(scan, tmp_path, capsy
         ["convert"],
         ["convert", scan, "--project", tmp_path / "p"],
         ["convert", "--project", tmp_path / "p", "--unit", "cm"],
+        ["studio", tmp_path / "p", "--project", tmp_path / "q", "--no-open"],
+        ["studio", "--project", tmp_path / "q", "--no-open"],
     ):
         with pytest.raises(SystemExit) as stopped:
             main([str(argument) for argument in arguments])

@@ -276,3 +276,10 @@ def test_what_are_no_points_is_refused(points: np.ndarray) -> None:
 def test_wrong_parameters_are_named(name: str, value: object) -> None:
     with pytest.raises(ParameterError, match=f"'{name}' parameter of fit_surface must be"):
         FitParams(**{name: value})
+
+
+def test_a_plane_without_noise_is_fitted_without_a_warning():
+    rng = np.random.default_rng(0)
+    points = np.c_[rng.uniform(0, 10, (2000, 2)), np.zeros(2000)]
+    fit = fit_surface(points, FitParams(noise=0.0))
+    assert np.abs(fit.residuals).max() < 1e-9

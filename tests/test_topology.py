@@ -8,7 +8,6 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from scan2nurbs.errors import NoResultError, ParameterError
-from scan2nurbs.faces.check_topology import check_topology
 from scan2nurbs.faces.double import part_double_edges
 from scan2nurbs.faces.sheet import Sheet, drop_triangles, is_pinhole, span_sheet
 from scan2nurbs.faces.topology import TopologyParams, find_topology
@@ -17,6 +16,7 @@ from scan2nurbs.surfaces.cylinder import Cylinder
 from scan2nurbs.surfaces.plane import Plane
 from scan2nurbs.surfaces.sphere import Sphere
 from scan2nurbs.surfaces.torus import Torus
+from topology_faults import topology_faults
 
 NOISE = 0.25
 
@@ -57,7 +57,7 @@ def noisy(points, rng, noise=NOISE):
 
 def solve(points, label, fits, **params):
     topology = find_topology(points, label, fits, measure_scale(points), TopologyParams(**params))
-    assert check_topology(topology) == []
+    assert topology_faults(topology) == []
     return topology
 
 
@@ -265,10 +265,10 @@ def test_faults_of_a_complex_are_told():
     topology = solve(points, label, fits)
     first = topology.borders[0]
     wrong = replace(first, faces=(first.faces[1], first.faces[0]))
-    assert any("another face on its left" in f for f in check_topology(replace(topology, borders=(wrong, *topology.borders[1:]))))
-    assert any("Euler" in f for f in check_topology(replace(topology, genus=topology.genus + 1)))
-    assert any("said to be open" in f for f in check_topology(replace(topology, closed=(False,))))
-    assert any("not walked" in f for f in check_topology(replace(topology, loops=((), *topology.loops[1:]))))
+    assert any("another face on its left" in f for f in topology_faults(replace(topology, borders=(wrong, *topology.borders[1:]))))
+    assert any("Euler" in f for f in topology_faults(replace(topology, genus=topology.genus + 1)))
+    assert any("said to be open" in f for f in topology_faults(replace(topology, closed=(False,))))
+    assert any("not walked" in f for f in topology_faults(replace(topology, loops=((), *topology.loops[1:]))))
 
 
 def test_the_same_comes_out_twice():

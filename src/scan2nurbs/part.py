@@ -120,7 +120,8 @@ class Model(Parted):
         Raises
         ------
         OutputError
-            If the file cannot be written, or does not read back as it was written; nothing is left then.
+            If the file cannot be written, or not be read again; nothing is left then. How what is read differs from what was written is in
+            the notes.
         """
         return write_part(
             path,

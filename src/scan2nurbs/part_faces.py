@@ -135,7 +135,7 @@ def by_topology(parted: Parted, topology: Topology) -> Parted:
     cloud, faces = parted.cloud, parted.faces
     source = topology.source
     lost = np.setdiff1d(np.unique(faces.label[faces.label >= 0]), source)
-    area = np.bincount(topology.mesh.face, _triangle_areas(topology), minlength=len(source))
+    area = topology.areas
     numbers = np.append(parted.numbers[source], parted.numbers[lost])
     label = np.full(len(faces.fits) + 1, -1, np.int32)  # the last stands for no face
     label[lost] = len(source) + np.arange(len(lost))
@@ -157,11 +157,6 @@ def by_topology(parted: Parted, topology: Topology) -> Parted:
     smooth = frozenset((min(place[i], place[j]), max(place[i], place[j])) for i, j in faces.smooth if i in place and j in place)
     fits = tuple(faces.fits[k] for k in order)
     return replace(parted, faces=replace(faces, label=label, fits=fits, smooth=smooth), numbers=numbers)
-
-
-def _triangle_areas(topology: Topology) -> NDArray[np.float64]:
-    a, b, c = np.moveaxis(topology.mesh.vertices[topology.mesh.triangles], 1, 0)
-    return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
 
 
 def deviations(

@@ -150,7 +150,9 @@ def _relations(model: Model) -> list[dict[str, Any]]:
 
 def _names_before(model: Model) -> dict[int, str]:
     """Return the faces' names by the order in which relations were found, before the topology gave the faces theirs."""
-    return dict(zip(model.topology.source.tolist(), model.names, strict=False))
+    source = model.topology.source
+    # Of a face that fell apart the largest piece, the first of equals, has kept its number.
+    return {int(source[k]): model.names[k] for k in np.argsort(-model.topology.areas, kind="stable")[::-1].tolist()}
 
 
 def _named(notes: Sequence[str], names: Mapping[int, str], first: int) -> list[str]:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scan2nurbs.brep.evaluate import Evaluator, Floats, evaluator
+from scan2nurbs.brep.header import UNIT_NAMES
 from scan2nurbs.brep.occ import EXPORT_LOCK, KernelError, kernel_errors, silence
 from scan2nurbs.errors import InputError
 
@@ -263,6 +264,7 @@ def _kind_of(path: Path) -> str:
 
 def _read_exchange(path: Path, kind: str) -> Any:
     from OCP.IFSelect import IFSelect_RetDone
+    from OCP.Interface import Interface_Static
 
     if kind == "STEP":
         from OCP.STEPControl import STEPControl_Reader as Reader
@@ -271,6 +273,8 @@ def _read_exchange(path: Path, kind: str) -> Any:
     with _damage(path, kind), EXPORT_LOCK:
         silence()
         reader = Reader()
+        # The unit that lengths are turned into is the kernel's for the whole process, and writers leave theirs.
+        Interface_Static.SetCVal_s("xstep.cascade.unit", UNIT_NAMES["mm"])
         if reader.ReadFile(str(path)) != IFSelect_RetDone:
             raise InputError(f"The {kind} file is damaged or incomplete.", path=path)
         reader.TransferRoots()

@@ -101,7 +101,7 @@ def check(shape: Any) -> ModelCheck:
 
 
 def is_sound(shape: Any) -> bool:
-    """Return whether a shape is valid as it is, and triangulated in one way at least."""
+    """Return whether a shape is valid as it is, and triangulated: coarsely, or if that fails in the finer ways."""
     return is_valid(shape) and is_valid_meshed(shape, every=False)
 
 
@@ -124,7 +124,7 @@ def is_valid_meshed(shape: Any, every: bool = True, *, extent: float | None = No
     shape : TopoDS_Shape
         Valid by `is_valid`: triangles do not change its geometry, of which the analysis may take seconds.
     every : bool
-        Whether both coarse and fine triangles must be possible, or one of the two is enough.
+        Whether all of `_MESHES` must be possible, or the first is enough, or else the others.
     extent : float, optional
         By what the triangles are measured; by default the shape's own.
     """

@@ -75,9 +75,7 @@ def yielding(
     curves : list of BorderCurve
         The borders as the other faces have them.
     """
-    corners = topology.mesh.vertices[topology.mesh.triangles]
-    size = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    area = np.bincount(topology.mesh.face, size, minlength=topology.n_faces)
+    area = topology.areas
     bent, curves = set(first), list[BorderCurve]()
     for _ in range(_ROUNDS):
         borders = [without_faces(b, bent, known) for b in topology.borders]

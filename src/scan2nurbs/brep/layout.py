@@ -11,6 +11,7 @@ from scipy.optimize import brentq
 
 from scan2nurbs.brep.borders import BorderCurve
 from scan2nurbs.brep.charts import Chart, SplineChart
+from scan2nurbs.brep.overlay import area
 
 Floats = NDArray[np.float64]
 Path = tuple[tuple[int, bool], ...]
@@ -98,7 +99,7 @@ def lay_out(chart: Chart, loops: Sequence[Path], curves: Sequence[BorderCurve], 
         uv = loop_uv(chart, loop, curves)
         turns = np.array([round((uv[-1, k] - uv[0, k]) / p) if p else 0 for k, p in enumerate(chart.period)])
         around |= turns != 0
-        outer |= not turns.any() and _area(uv) > 0
+        outer |= not turns.any() and area(uv) > 0
         paths.append((uv, turns))
     whole = not around.any() and not outer
     closed = np.array([p is not None for p in chart.period])
@@ -200,11 +201,6 @@ def _stretch(chart: Chart, uv: Floats, period: float) -> Floats:
     """Return by how much a step in u moves points (N,) at parameters (N, 2)."""
     step = 1e-4 * period
     return np.linalg.norm(chart.point(uv + np.array([step, 0.0])) - chart.point(uv), axis=1) / step if len(uv) else np.empty(0)
-
-
-def _area(uv: Floats) -> float:
-    u, v = (uv - uv[0]).T
-    return 0.5 * float(np.sum(u * np.roll(v, -1) - np.roll(u, -1) * v))
 
 
 def _cost(aside: Floats, period: float, length: Floats, near: float) -> int:

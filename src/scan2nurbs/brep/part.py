@@ -279,9 +279,7 @@ def _room(topology: Topology, h: float) -> Floats:
     """Return the area above which a face is looked at: twice that of the mesh that its borders were read from, and a few cells more."""
     if not len(topology.mesh.triangles):
         return np.full(topology.n_faces, np.inf)
-    corners = topology.mesh.vertices[topology.mesh.triangles]
-    sizes = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    return np.asarray(2.0 * np.bincount(topology.mesh.face, sizes, minlength=topology.n_faces) + 20.0 * h**2, np.float64)
+    return 2.0 * topology.areas + 20.0 * h**2
 
 
 def _size(pieces: tuple[Any, ...], factor: float) -> float:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scan2nurbs.brep.layout import Layout
+from scan2nurbs.brep.overlay import area
 from scan2nurbs.edges.corrections import in_polygon
 from scan2nurbs.errors import NoResultError
 
@@ -103,14 +104,14 @@ def regions(layout: Layout, loops: Sequence[Sequence[Step]]) -> list[list[Wire]]
     rings, chains = _chains(layout, loops)
     wires = [tuple(ring) for ring in rings] + _Walls(layout, chains).wires()
     outlines = [np.vstack([part.path for part in wire]) for wire in wires]
-    areas = [_area(line) for line in outlines]
+    areas = [area(line) for line in outlines]
     outer = [k for k, area in enumerate(areas) if area > 0]
     if not outer:
         if not any(layout.cut):
             raise NoResultError("Its borders do not enclose it.")
         wires.append(_Walls(layout, []).whole())
         outlines.append(np.vstack([part.path for part in wires[-1]]))
-        areas.append(_area(outlines[-1]))
+        areas.append(area(outlines[-1]))
         outer = [len(wires) - 1]
     result = {k: [wires[k]] for k in outer}
     for k, wire in enumerate(wires):
@@ -242,8 +243,3 @@ class _Walls:
         if wall >= 2:
             pairs.reverse()
         return Side(axis, float((self.high if high else self.low)[axis]), high, pairs[0][0], pairs[1][0], (pairs[0][1], pairs[1][1]))
-
-
-def _area(line: Floats) -> float:
-    u, v = (line - line[0]).T
-    return 0.5 * float(np.sum(u * np.roll(v, -1) - np.roll(u, -1) * v))

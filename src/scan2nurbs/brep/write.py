@@ -6,7 +6,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -20,13 +21,14 @@ from scan2nurbs.brep.check import ModelCheck, check
 from scan2nurbs.brep.face import TrimmedFace
 from scan2nurbs.brep.header import plain
 from scan2nurbs.brep.iges import write_iges
-from scan2nurbs.brep.occ import CONFUSION, kernel_errors
+from scan2nurbs.brep.occ import CONFUSION, KernelError, kernel_errors
 from scan2nurbs.brep.rhino import UNTRIMMED, write_3dm
+from scan2nurbs.brep.solids import compound
 from scan2nurbs.brep.step import SCHEMAS, write_step
 from scan2nurbs.brep.tessellate import tessellate_face
 from scan2nurbs.brep.verify import differences
 from scan2nurbs.cloud import UNITS
-from scan2nurbs.errors import OutputError, ParameterError
+from scan2nurbs.errors import InputError, OutputError, ParameterError
 from scan2nurbs.io.atomic import atomic_path
 
 Floats = NDArray[np.float64]
@@ -46,7 +48,7 @@ FORMATS = {
 
 MESH_WRITERS = {"STL": mesh.write_stl, "PLY": mesh.write_ply, "OBJ": mesh.write_obj}
 _DEFLECTION = 1e-3
-_FAR = "The coordinates lie so far from zero that CAD systems which work in millimetres may lose detail; they are exact in {}."
+FAR = "The coordinates lie so far from zero that CAD systems which work in millimetres may lose detail; they are exact in {}."
 
 
 @dataclass(frozen=True)
@@ -134,14 +136,14 @@ def write_model(
         raise ParameterError("The 'faces' parameter of write_model must hold at least one face. Got none instead.")
     named = [(f"bspline_{k}", face) for k, face in enumerate(faces, start=1)]
     if form in MESH_WRITERS or form == "3DM":
-        model = check(_compound([face.shape for face in faces]))
+        model = check(compound([face.shape for face in faces]))
         notes = _write_plain(path, form, named, unit, offset, deflection)
         return WrittenModel(Path(path), form, unit, model, notes)
     furthest = max(float(np.abs(face.surface.control_points + offset).max()) for face in faces)
     inside = {"STEP": kernel_unit(furthest, unit), "IGES": "mm"}.get(form, unit)
     scale = UNITS[unit] / UNITS[inside]
     shapes = [(label, _shape(face, scale, offset * scale)) for label, face in named]
-    whole = shapes[0][1] if len(shapes) == 1 else _compound([shape for _, shape in shapes])
+    whole = shapes[0][1] if len(shapes) == 1 else compound([shape for _, shape in shapes])
     model = check(whole)
     with atomic_path(path) as temporary:
         if form == "STEP":
@@ -150,12 +152,13 @@ def write_model(
             write_iges(temporary, whole, unit=unit, name=plain(name))
         else:
             write_brep(temporary, whole)
-        wrong = differences(temporary, [shape for _, shape in shapes], model, unit=inside)
+        with read_again(path):
+            wrong = differences(temporary, [shape for _, shape in shapes], model, unit=inside)
         if wrong:
             raise OutputError(f"The file does not read back as it was written: {'; '.join(wrong)}.", path=os.fspath(path))
     notes = [] if model.valid else ["The CAD kernel's own check finds the model invalid."]
     if form == "STEP" and inside != "mm":
-        notes.append(_FAR.format(unit))
+        notes.append(FAR.format(unit))
     return WrittenModel(Path(path), form, inside, model, tuple(notes))
 
 
@@ -192,15 +195,14 @@ def _shape(face: TrimmedFace, scale: float, offset: Floats) -> Any:
     return build_face(face.surface, face.wires, scale=scale, offset=offset)
 
 
-def _compound(shapes: Sequence[Any]) -> Any:
-    from OCP.BRep import BRep_Builder
-    from OCP.TopoDS import TopoDS_Compound
-
-    compound, builder = TopoDS_Compound(), BRep_Builder()
-    builder.MakeCompound(compound)
-    for shape in shapes:
-        builder.Add(compound, shape)
-    return compound
+@contextmanager
+def read_again(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Turn what goes wrong where a file is read that was just written into an error about the file that was asked for."""
+    try:
+        yield
+    except (InputError, KernelError) as error:
+        said = error.message if isinstance(error, InputError) else str(error)
+        raise OutputError(f"What was written cannot be read again: {said}", path=os.fspath(path)) from error
 
 
 def write_brep(path: Path, shape: Any) -> None:

@@ -24,7 +24,7 @@ from scan2nurbs.brep.part_mesh import face_rows
 from scan2nurbs.brep.read import faces_of, read_shape
 from scan2nurbs.brep.rhino import UNTRIMMED, write_3dm
 from scan2nurbs.brep.step import write_step
-from scan2nurbs.brep.write import MESH_WRITERS, WrittenModel, checked_format, kernel_unit, write_brep
+from scan2nurbs.brep.write import FAR, MESH_WRITERS, WrittenModel, checked_format, kernel_unit, read_again, write_brep
 from scan2nurbs.cloud import UNITS
 from scan2nurbs.io.atomic import atomic_path
 
@@ -45,7 +45,6 @@ COLOURS: dict[str, Colour] = {
 
 _AREA = 2e-3
 _DEFLECTION = 1e-3
-_FAR = "The coordinates lie so far from zero that CAD systems which work in millimetres may lose detail; they are exact in {}."
 
 
 def write_part(
@@ -121,11 +120,12 @@ def write_part(
             write_iges(temporary, whole, unit=unit, name=plain(name))
         else:
             write_brep(temporary, whole)
-        notes = _differences(temporary, model, form, inside)
+        with read_again(path):
+            notes = _differences(temporary, model, form, inside)
     if not model.valid:
         notes.append("The CAD kernel's own check finds the model invalid.")
     if form == "STEP" and inside != "mm":
-        notes.append(_FAR.format(unit))
+        notes.append(FAR.format(unit))
     return WrittenModel(Path(path), form, inside, model, tuple(notes))
 
 
@@ -187,6 +187,8 @@ def _differences(path: Path, expected: ModelCheck, form: str, unit: str) -> list
 def _write_plain(
     path: str | os.PathLike[str], form: str, whole: Any, faces: list[tuple[str, int, Any]], unit: str, deflection: float | None
 ) -> tuple[str, ...]:
+    from OCP.BRepBuilderAPI import BRepBuilderAPI_Copy
+
     if form == "3DM":
         with atomic_path(path) as temporary:
             write_3dm(temporary, [(label, _as_spline(face), ()) for label, _, face in faces], unit=unit, offset=np.zeros(3))
@@ -194,7 +196,8 @@ def _write_plain(
     low, high = _box(whole)
     deflection = _DEFLECTION * float(np.linalg.norm(high - low)) if deflection is None else deflection
     notes = [f"The mesh lies within {deflection:.3g} {unit} of the faces."]
-    mesh = tessellate(whole, deflection=deflection)
+    # Of a copy: triangles that were left on the part, finer or coarser ones, would be taken as they are.
+    mesh = tessellate(BRepBuilderAPI_Copy(whole).Shape(), deflection=deflection)
     offset = np.zeros(3)
     # Single precision has 24 bits: far from zero, a mesh in STL would turn into steps.
     if form == "STL" and float(np.abs([low, high]).max()) * 2.0**-24 > 0.1 * deflection:

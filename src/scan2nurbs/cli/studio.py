@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from scan2nurbs.errors import MissingExtraError
+from scan2nurbs.errors import MissingExtraError, ParameterError
 
 NEEDED = ("starlette", "uvicorn", "websockets")
 
@@ -37,11 +37,15 @@ def studio(
     from scan2nurbs.studio.project import FILE, create_project, open_project  # noqa: PLC0415
 
     opened = None
+    if project is not None and scan is not None and scan.is_dir() and not (project.exists() and project.samefile(scan)):
+        raise ParameterError(f"Two projects are given: {scan} and {project}. Leave out one of them.")
+    if project is not None and scan is None and not (project / FILE).exists():
+        raise ParameterError(f"There is no project in {project} yet: give the scan that it is to be made of, too.")
     if scan is not None and scan.is_dir():
         opened = open_project(scan, check=True)
     elif scan is not None:
         opened = create_project(scan, project)
-    elif project is not None and (project / FILE).exists():
+    elif project is not None:
         opened = open_project(project, check=True)
     if not is_local(host):
         typer.echo(
@@ -49,4 +53,4 @@ def studio(
             "change this project, and what is sent is not encrypted.",
             err=True,
         )
-    serve(opened, host=host, port=port, home=Path.cwd() if project is None else project.parent, opens=not no_open, say=typer.echo)
+    serve(opened, host=host, port=port, home=Path.cwd(), opens=not no_open, say=typer.echo)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from scan2nurbs.edges.operators import Lengths
 from scan2nurbs.kernels.cells import Cells
-from scan2nurbs.kernels.creases import fit_wedges
+from scan2nurbs.kernels.creases import Wedges, fit_wedges
 
 # The comparison that tells where the surface breaks: a wedge is the best of 57 splits (4 = log 57), and its extra parameters must
 # pay too (4: two of them, at half the logarithm of some fifty points each).
@@ -54,14 +54,20 @@ class _Comparison(NamedTuple):
 def _compare(cells: Cells, places: NDArray[np.float64], radius: float, lengths: Lengths, reach: float) -> _Comparison:
     places = np.ascontiguousarray(places)
     wedges = fit_wedges(cells, places, radius, lengths.noise, rounds=2)
-    floor = max(WEDGE_FLOOR * lengths.h, 0.2 * lengths.noise) ** 2
+    evidence, tilt = wedge_evidence(wedges, radius, lengths.h, lengths.noise)
+    with np.errstate(invalid="ignore"):
+        good = (wedges.angle > tilt) & (np.linalg.norm(wedges.foot - places, axis=1) <= reach)
+        return _Comparison(np.nan_to_num(evidence, nan=-np.inf), np.where(good, np.degrees(wedges.angle), 0.0))
+
+
+def wedge_evidence(wedges: Wedges, radius: float, h: float, noise: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the log likelihood ratios of two half-planes against one quadric, and the angles that noise alone would give, in radians."""
+    floor = max(WEDGE_FLOOR * h, 0.2 * noise) ** 2
     half = np.maximum(wedges.n_points, 1)
     with np.errstate(invalid="ignore"):
         # Weights that fall to the rim leave three quarters of the points' evidence; log(a²/b²) is twice log(a/b).
         evidence = 0.75 * half * np.log((wedges.quadric_rms**2 + floor) / (wedges.wedge_rms**2 + floor))
-        tilt = 3.0 * lengths.noise / (0.5 * radius * np.sqrt(half))
-        good = (wedges.angle > tilt) & (np.linalg.norm(wedges.foot - places, axis=1) <= reach)
-        return _Comparison(np.nan_to_num(evidence, nan=-np.inf), np.where(good, np.degrees(wedges.angle), 0.0))
+    return evidence, 3.0 * noise / (0.5 * radius * np.sqrt(half))
 
 
 def fit_radius(noise: float) -> float:

@@ -29,7 +29,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from scan2nurbs.errors import InputError
 
@@ -123,43 +123,6 @@ class Selection:
         for shape in (*self.boxes, *self.lassos):
             selected |= shape.contains(points)
         return selected
-
-
-def apply_corrections(
-    points: ArrayLike, mask: ArrayLike, *, keep_only: Selection | None = None, drop: Selection | None = None
-) -> NDArray[np.bool_]:
-    """Restrict a mask of points to a selection, take another one out of it, or both.
-
-    Parameters
-    ----------
-    points : (N, 3) float64
-        The input's rows in its own coordinates and order; rows that are no point hold NaN.
-    mask : (N,) bool
-        E.g. which points are boundary points.
-    keep_only : Selection, optional
-        Nothing outside it stays.
-    drop : Selection, optional
-        Nothing inside it stays.
-
-    Returns
-    -------
-    (N,) bool
-        A new mask.
-
-    Raises
-    ------
-    InputError
-        If a selection names rows that do not exist, or mask and points do not have the same length.
-    """
-    rows = np.asarray(points, np.float64)
-    result = np.array(mask, np.bool_)
-    if rows.ndim != 2 or rows.shape[1] != 3 or result.shape != (len(rows),):
-        raise InputError(f"Corrections need (N, 3) points and an (N,) mask. Got the shapes {rows.shape} and {result.shape} instead.")
-    if keep_only is not None:
-        result &= keep_only.of(rows)
-    if drop is not None:
-        result &= ~drop.of(rows)
-    return result
 
 
 def in_polygon(points: NDArray[np.float64], polygon: NDArray[np.float64]) -> NDArray[np.bool_]:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from scan2nurbs.edges.breaks import fit_radius
+from scan2nurbs.edges.breaks import fit_radius, wedge_evidence
 from scan2nurbs.kernels.creases import Wedges, fit_wedges
 from scan2nurbs.scale import Scale
 
@@ -86,11 +86,8 @@ def _in_line(
     along = np.where(cosine[:, None] < 0.0, -wedges.direction, wedges.direction)
     off = wedges.foot - target
     foot = wedges.foot - np.einsum("nc,nc->n", off, along)[:, None] * along
-    half = np.maximum(wedges.n_points, 1)
-    floor = max(0.03 * scale.h, 0.2 * scale.noise) ** 2
+    evidence, tilt = wedge_evidence(wedges, radius, scale.h, scale.noise)
     with np.errstate(invalid="ignore"):
-        evidence = 0.75 * half * np.log((wedges.quadric_rms**2 + floor) / (wedges.wedge_rms**2 + floor))
-        tilt = 3.0 * scale.noise / (0.5 * radius * np.sqrt(half))
         good = (evidence > WEAK) & (wedges.angle > tilt) & (np.abs(cosine) > BEND)
         good &= np.linalg.norm(foot - target, axis=1) < ASIDE * scale.h
     return good, np.nan_to_num(along), np.nan_to_num(foot)

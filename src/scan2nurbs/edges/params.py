@@ -123,11 +123,12 @@ class EdgeParams:
         if self.sequence is None:
             return (self.operator,) * self.repeat
         runs: list[str] = []
+        named = [name for name in OPERATORS if name != "auto"]
         for part in self.sequence.split(","):
             match = re.fullmatch(r"\s*([a-z-]+)\s*(?:\*\s*(\d{1,3}))?\s*", part)
-            if match is None or match[1] not in OPERATORS:
+            if match is None or match[1] not in named:
                 raise ParameterError(
-                    f"The 'sequence' of detect_edges must read like 'vdn*3, dn' with the operators {', '.join(OPERATORS)}. "
+                    f"The 'sequence' of detect_edges must read like 'vdn*3, dn' with the operators {', '.join(named)}. "
                     f"Got {self.sequence!r} instead."
                 )
             runs += [match[1]] * int(match[2] or 1)

@@ -254,7 +254,7 @@ def move_to_boundary(
 
 def wedge_radius(relative_noise: float) -> float:
     """Return the radius, in spacings, that keeps the planes' error small under noise (in spacings): 4 without any, at most 8."""
-    # A plane through a half-disc of radius r errs by an angle of about 1.13 (sigma / h) / (r / h)^2; two degrees are allowed.
+    # A plane through a half-disc of radius r errs by an angle of about 1.13 (sigma / h) / (r / h)^2; a degree is allowed.
     return float(np.clip(np.sqrt(1.13 * relative_noise / np.radians(1.0)), 4.0, 8.0))
 
 

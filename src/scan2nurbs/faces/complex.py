@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from scan2nurbs.faces.sheet import triangle_areas
 from scan2nurbs.surfaces.shape import Floats
 
 Loop = tuple[tuple[int, bool], ...]
@@ -94,6 +95,13 @@ class Topology:
     def n_faces(self) -> int:
         """Number of faces."""
         return len(self.source)
+
+    @property
+    def areas(self) -> Floats:
+        """Area of each face's part of the mesh, (F,)."""
+        mesh = self.mesh
+        areas = triangle_areas(mesh.vertices, mesh.triangles)
+        return np.bincount(mesh.face, areas, minlength=self.n_faces).astype(np.float64, copy=False)
 
     def neighbours(self, face: int) -> tuple[int, ...]:
         """Return the faces that share a border with one, ascending."""

@@ -95,18 +95,6 @@ class Outline:
     n_rough: int
 
 
-def outline_loops(
-    points_uv: Array,
-    *,
-    spacing: float,
-    boundary_uv: Array | None = None,
-    period: float | None = None,
-    params: OutlineParams | None = None,
-) -> tuple[OutlineLoop, ...]:
-    """Return the loops of `find_outline`."""
-    return find_outline(points_uv, spacing=spacing, boundary_uv=boundary_uv, period=period, params=params).loops
-
-
 def find_outline(
     points_uv: Array,
     *,

@@ -61,7 +61,6 @@ def _smooth(label: NDArray[np.int32], start: NDArray[np.int32], end: NDArray[np.
         lone = np.flatnonzero(alike <= 1)
         if not len(lone):
             break
-        # Every other one at a time, so that two lone neighbours do not change places.
         label[lone] = _majority(label, lone, start, end)
     return label
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -129,6 +129,10 @@ def find_topology(
     sheet, notes = _trim(sheet, tucked, outward, samples, scale, params)
     tell(4)
     topology = _read(sheet, tucked, signs[patch], samples, [f.shape for f in fits], notes)
+    missing = len(np.setdiff1d(label[label >= 0], topology.source))
+    if missing:
+        few = f"{missing} faces have" if missing > 1 else "1 face has"
+        topology = replace(topology, notes=(*topology.notes, f"{few} no part in the surface that borders were read from."))
     tell(5)
     return topology
 
@@ -165,9 +169,6 @@ def _read(sheet: Sheet, points: Floats, sign: NDArray[np.int8], samples: Samples
         for line, (a, b), (u, v) in zip(drawn.lines, traced.sides, traced.ends, strict=True)
     )
     outward = np.where(np.bincount(region, sign[sheet.source], minlength=len(source)) < 0, -1, 1).astype(np.int8)
-    missing = sorted(set(np.unique(samples.label).tolist()) - set(source.tolist()))
-    if missing:
-        notes = [*notes, f"Of {len(missing)} faces no point came to lie on the surface: {', '.join(map(str, missing[:20]))}."]
     return Topology(
         drawn.vertices, borders, traced.loops, source, outward, body, closed, genera(mesh, region, n_loops), labelled, tuple(notes)
     )

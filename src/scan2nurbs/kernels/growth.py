@@ -32,13 +32,6 @@ def cost_of(m, points, normals, i, sigma, tilt):
 
 
 @kernel
-def costs_of(m, points, normals, index, sigma, tilt, out):
-    """Write the costs of points under a model."""
-    for k in range(len(index)):
-        out[k] = cost_of(m, points, normals, index[k], sigma, tilt)
-
-
-@kernel
 def neighbourhood(neighbours, normals, seed, most, cosine, stamp, mark, queue):
     """Collect up to `most` points about a seed over links along which normals turn little; return how many."""
     queue[0] = seed

@@ -1,4 +1,4 @@
-"""The one decorator of all kernels, and the helper that runs a kernel over ranges in threads.
+"""The decorators of all kernels, and the helper that runs a kernel over ranges in threads.
 
 A kernel is a plain function over an index range, ``kernel(..., start, stop, out)``. It writes its own slice of `out`, so that the
 result does not depend on how many threads ran it: range borders follow from n alone, partial sums are combined in order.

@@ -46,16 +46,21 @@ def fit_primitive(
     return ShapeFit(
         shape=scaled(shape, np.zeros(3), extent, middle),
         n_points=len(points),
-        rms=float(np.sqrt((on @ d**2) / max(on.sum(), 1e-300))) * extent,
+        rms=weighted_rms(d, on) * extent,
         covariance=covariance,
         criterion=criterion(d / sigma, weights, freedom),
     )
 
 
+def weighted_rms(d: Floats, weights: Floats) -> float:
+    """Return the root of the weighted mean square of N distances; by a sum that, unlike a product of BLAS, no number of threads changes."""
+    return float(np.sqrt(np.sum(weights * d**2) / max(weights.sum(), 1e-300)))
+
+
 def criterion(d: Floats, weights: Floats, freedom: int) -> float:
     """Return Σ w·ρ(d) + freedom · log n of distances in standard deviations; lower is better (Schwarz 1978, with Tukey's ρ)."""
     inside = np.maximum(1.0 - (d / TUKEY) ** 2, 0.0)
-    return float(weights @ (1.0 - inside**3)) * TUKEY**2 / 3.0 + freedom * float(np.log(len(d)))
+    return float(np.sum(weights * (1.0 - inside**3))) * TUKEY**2 / 3.0 + freedom * float(np.log(len(d)))
 
 
 def _solve(kind: Kind, points: Floats, sigma: float, normals: Floats | None, start: Primitive | None, weights: Floats) -> Solution:

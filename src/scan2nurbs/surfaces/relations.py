@@ -150,7 +150,7 @@ def impose_relations(
         dropped += [active[k] for k in sorted(bad)]
         active = [c for k, c in enumerate(active) if k not in bad]
     else:
-        active = []
+        dropped, active = [*dropped, *active], []
     logger.info("%d relations hold, %d were dropped", len(active), len(dropped))
     if not active:
         return Related(tuple(fits), (), _notes(dropped))

@@ -149,6 +149,7 @@ def _asks(
     square: NDArray[np.float64], freedom: NDArray[np.float64], count: NDArray[np.float64], noise: float, tolerance: float
 ) -> NDArray[np.bool_]:
     """Tell where Σ n · mean² is both significant (Bonferroni over the array) and large."""
-    probability = chdtrc(np.maximum(freedom, 1.0), square / max(noise, 1e-300) ** 2) * square.size
+    relative = square / noise**2 if noise**2 > 0.0 else np.where(square > 0.0, np.inf, 0.0)
+    probability = chdtrc(np.maximum(freedom, 1.0), relative) * square.size
     bias = np.maximum(square - freedom * noise**2, 0.0) / np.maximum(count, 1.0)
     return (freedom > 0) & (probability < _SIGNIFICANCE) & (bias > tolerance**2)

@@ -12,7 +12,7 @@ from scan2nurbs.errors import InputError, NoResultError, ParameterError
 from scan2nurbs.surfaces.explain import Residuals, study
 from scan2nurbs.surfaces.fit import FitParams, fit_surface
 from scan2nurbs.surfaces.interior import interior
-from scan2nurbs.surfaces.primitive_fit import criterion, fit_primitive
+from scan2nurbs.surfaces.primitive_fit import criterion, fit_primitive, weighted_rms
 from scan2nurbs.surfaces.shape import KINDS, Floats, Kind, Shape
 from scan2nurbs.surfaces.shape_parameters import COLUMNS
 from scan2nurbs.surfaces.shape_result import ShapeFit
@@ -181,8 +181,7 @@ def _of_swept(shape: Shape, points: Floats, noise: float, weights: Floats) -> Sh
     d = shape.distance(points)
     sigma = max(noise, 1e-9 * float(np.ptp(points, axis=0).max()))
     on = weights * (np.abs(d) <= TUKEY * max(sigma, 1.4826 * float(np.median(np.abs(d)))))
-    rms = float(np.sqrt((on @ d**2) / max(on.sum(), 1e-300)))
-    return ShapeFit(shape, len(points), rms, None, criterion(d / sigma, weights, shape.freedom))
+    return ShapeFit(shape, len(points), weighted_rms(d, on), None, criterion(d / sigma, weights, shape.freedom))
 
 
 def _fit_spline(points: Floats, noise: float, weights: Floats, tolerance: float | None) -> ShapeFit:

@@ -153,6 +153,8 @@ def _about_axis(kind: Kind, points: Floats, on: Floats, normals: Floats, origin:
     if kind == "cylinder":
         return Cylinder(origin, axis, float(np.median(radius)))
     if kind == "cone":
+        if not np.ptp(height) > 0.0:  # NaN where the points lie in a line
+            return None
         slope, at_origin = np.polyfit(height, radius, 1)
         if slope < 0.0:
             axis, slope = -axis, -slope
@@ -206,6 +208,8 @@ def of_curvature(kind: Kind, vertex: Floats, frame: Floats, bends: Floats) -> li
     sign, radius = float(np.sign(k_large)), 1.0 / abs(k_large)
     center = vertex + sign * radius * normal
     if kind == "sphere":
+        if k_small * k_large < 0.0:  # a saddle
+            return []
         mean = 0.5 * (k_small + k_large)
         return [Sphere(vertex + normal / mean, 1.0 / abs(mean))]
     if kind == "cylinder":

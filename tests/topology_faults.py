@@ -7,7 +7,7 @@ import numpy as np
 from scan2nurbs.faces.complex import Topology
 
 
-def check_topology(topology: Topology) -> list[str]:
+def topology_faults(topology: Topology) -> list[str]:
     """Say what is wrong with a complex; nothing, if it is consistent.
 
     Parameters
