@@ -8,12 +8,15 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
+from OCP.gp import gp_Pln
 
+from scan2nurbs.brep import part as part_module
 from scan2nurbs.brep import write_part as write_part_module
 from scan2nurbs.brep.borders import _ends, _guide, lay_borders
 from scan2nurbs.brep.cad import tessellate
 from scan2nurbs.brep.check import check
-from scan2nurbs.brep.part import build_part
+from scan2nurbs.brep.part import _on_its_own, build_part
 from scan2nurbs.brep.read import faces_of, read_shape
 from scan2nurbs.brep.write_part import write_part
 from scan2nurbs.errors import NoResultError, OutputError, ParameterError
@@ -320,6 +323,23 @@ def test_other_formats_are_written(tmp_path, suffix):
     written = write_part(tmp_path / f"rod{suffix}", rod().build(), unit="mm")
     assert written.path.stat().st_size > 1000
     assert written.model.n_faces == 3
+
+
+def test_a_face_of_its_own_is_the_one_that_covers_its_points(monkeypatch):
+    def sheet(length):
+        return (BRepBuilderAPI_MakeFace(gp_Pln(), 0.0, length, 0.0, 10.0).Face(),)
+
+    def chosen(on_surface, on_mesh):
+        monkeypatch.setattr(part_module, "trim_alone", lambda *_: on_surface)
+        monkeypatch.setattr(part_module, "trim_anew", lambda *_: on_mesh)
+        return _on_its_own(0, None, topology([], np.empty((0, 3)), ()), 1.0, 1.0, room=1000.0, least=200.0)
+
+    small, large, none = sheet(1.0), sheet(30.0), ()
+    assert chosen(large, none) is large
+    assert chosen(small, large) is large, "the other side of its borders was taken"
+    assert chosen(small, none) is small
+    assert chosen(none, small) is small
+    assert chosen(none, none) == ()
 
 
 def test_a_mesh_depends_on_the_part_and_not_on_triangles_that_were_left_on_it(tmp_path):

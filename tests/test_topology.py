@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scan2nurbs.errors import NoResultError, ParameterError
 from scan2nurbs.faces.double import part_double_edges
 from scan2nurbs.faces.sheet import Sheet, drop_triangles, is_pinhole, span_sheet
-from scan2nurbs.faces.topology import TopologyParams, find_topology
+from scan2nurbs.faces.topology import TopologyParams, _bubbles, find_topology
 from scan2nurbs.scale import measure_scale
 from scan2nurbs.surfaces.cylinder import Cylinder
 from scan2nurbs.surfaces.plane import Plane
@@ -321,3 +321,46 @@ def test_gaps_between_faces_are_closed_up_to_a_quarter_of_those_within_one():
     one, two = np.zeros(12, np.int32), (np.arange(12) % 2).astype(np.int32)
     for label, most, closed in ((one, 0.6, 1), (one, 0.4, 0), (two, 2.4, 1), (two, 1.6, 0)):
         assert is_pinhole(sheet, points, label, covered, most).sum() == closed
+
+
+def test_what_closes_up_on_one_flat_face_is_a_bubble():
+    tetrahedron = np.array([[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]])
+    edges = [(int(t[k]), int(t[(k + 1) % 3])) for t in tetrahedron for k in range(3)]
+    twin = np.array([edges.index((v, u)) for u, v in edges])
+    triangles = np.concatenate([tetrahedron + 4 * k for k in range(3)] + [[[12, 13, 14]]]).astype(np.int32)
+    twins = np.concatenate([*(twin + 12 * k for k in range(3)), [-1, -1, -1]]).astype(np.int32)
+    sheet = Sheet(np.arange(15, dtype=np.int32), triangles, twins)
+    # On a plane alone, on a sphere alone, on both, and on a plane but open.
+    region = np.repeat([0, 1, 0, 1, 0], [4, 4, 3, 1, 3]).astype(np.int32)
+    np.testing.assert_array_equal(_bubbles(sheet, region, ["plane", "sphere"]), np.repeat([True, False], [4, 9]))
+
+
+def test_a_bubble_beside_a_part_is_left_out_and_told():
+    rng = np.random.default_rng(2)
+    points, label, fits = box((30.0, 24.0, 18.0), rng)
+    scale = measure_scale(points)
+    before = find_topology(points, label, fits, scale)
+    # Points of a narrow tube far from the part, which were taken for one cylinder; its ends are rounded, and are of it, too.
+    u, v = (a.ravel() for a in np.meshgrid(np.linspace(0, 2 * np.pi, 24, endpoint=False), np.linspace(-4, 4, 17)))
+    radius = 3.0 * np.sqrt(1 - (np.abs(v) / 4.2) ** 6)
+    tube = np.c_[60 + radius * np.cos(u), radius * np.sin(u), v]
+    cloud, labels = np.vstack([points, tube]), np.r_[label, np.full(len(tube), len(fits))].astype(np.int32)
+    ball = Fit(Sphere(np.array([60.0, 0, 0]), 3.5))
+    assert find_topology(cloud, labels, [*fits, ball], measure_scale(cloud)).n_faces == before.n_faces + 1
+    parted = find_topology(cloud, labels, [*fits, Fit(_Blob(ball.shape))], measure_scale(cloud))
+    assert parted.n_faces == before.n_faces
+    assert parted.closed == before.closed
+    assert any("Closed specks" in note for note in parted.notes)
+    assert topology_faults(parted) == []
+
+
+class _Blob:
+    """A ball that says of itself that it is a cylinder: what noise makes of the two sides of a thin one."""
+
+    kind = "cylinder"
+
+    def __init__(self, ball):
+        self.ball = ball
+
+    def __getattr__(self, name):
+        return getattr(self.ball, name)

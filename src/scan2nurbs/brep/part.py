@@ -245,14 +245,24 @@ def _completed(
             borders = {k for loop in topology.loops[f] for k, _ in loop}
             how.append("bent" if f in trimmed.bent else "followed" if any(caution[k] for k in borders) else "shared")
             continue
-        faces[f] = trim_alone(f, shapes[f], topology, h, factor)
-        if not faces[f] or _is_astray(faces[f], room[f], topology, h, factor):
-            anew = trim_anew(f, topology, h, factor)
-            faces[f] = () if _is_astray(anew, room[f], topology, h, factor) else anew
+        faces[f] = _on_its_own(f, shapes[f], topology, h, factor, room[f], least[f])
         how.append("alone" if faces[f] else "lost")
         why = f"Face {f + 1} ({shapes[f].kind}) does not fit its neighbours ({why_not.rstrip('.')}): "
         notes.append(why + ("it has its own outline." if faces[f] else "it could not be made."))
     return faces, how
+
+
+def _on_its_own(f: int, shape: Any, topology: Topology, h: float, factor: float, room: float, least: float) -> tuple[Any, ...]:
+    """Trim a face by its own outline: on its surface, or where that misses its points on one through its part of the mesh."""
+    found: tuple[Any, ...] = ()
+    for trim in (lambda: trim_alone(f, shape, topology, h, factor), lambda: trim_anew(f, topology, h, factor)):
+        tried = trim()
+        if _is_astray(tried, room, topology, h, factor):
+            continue
+        found = tried if _size(tried, factor) > _size(found, factor) else found
+        if found and _size(found, factor) >= least:
+            break
+    return found
 
 
 def _spoilt(pieces: tuple[Any, ...], widest: float) -> str:

@@ -33,6 +33,8 @@ STAGES = 5
 BRIDGES = 3
 PINHOLE = 50.0
 """Gaps in a face of less area than this, in h², a circle of four h, are chance and no missing data."""
+_NEVER_CLOSED = ("plane", "cylinder", "cone", "extrusion")
+"""Surfaces that enclose nothing."""
 
 
 class Fitted(Protocol):
@@ -155,9 +157,14 @@ def _trim(sheet: Sheet, points: Floats, outward: Floats, samples: Samples, scale
 
 
 def _read(sheet: Sheet, points: Floats, sign: NDArray[np.int8], samples: Samples, shapes: list[Shape], notes: list[str]) -> Topology:
-    sheet, place = part_double_edges(sheet, points[sheet.source])
+    whole = sheet
+    sheet, place = part_double_edges(whole, points[whole.source])
     mesh = cap_holes(sheet)
     region, source, traced = _regions(sheet, mesh, place, samples, shapes)
+    bubble = _bubbles(sheet, region, [shapes[s].kind for s in source])
+    if bubble.any() and not bubble.all():
+        notes = [*notes, "Closed specks of surface between the points of one face were left out."]
+        return _read(drop_triangles(whole, ~bubble[: len(whole.triangles)]), points, sign, samples, shapes, notes)
     own = [shapes[s] for s in source]
     drawn = draw(mesh, traced, place, region, own, samples.h)
     n_loops = np.array([len(loops) for loops in traced.loops], np.int64)
@@ -172,6 +179,18 @@ def _read(sheet: Sheet, points: Floats, sign: NDArray[np.int8], samples: Samples
     return Topology(
         drawn.vertices, borders, traced.loops, source, outward, body, closed, genera(mesh, region, n_loops), labelled, tuple(notes)
     )
+
+
+def _bubbles(sheet: Sheet, region: NDArray[np.int32], kinds: Sequence[str]) -> NDArray[np.bool_]:
+    """Tell which triangles close up on a single surface that encloses nothing: they are spanned between points of its noise."""
+    n, piece = components(sheet)
+    low, high = np.full(n, len(kinds)), np.full(n, -1)
+    np.minimum.at(low, piece, region[sheet.triangles].min(axis=1))
+    np.maximum.at(high, piece, region[sheet.triangles].max(axis=1))
+    is_open = np.zeros(n, bool)
+    is_open[piece[np.flatnonzero(sheet.twin < 0) // 3]] = True
+    flat = np.array([kind in _NEVER_CLOSED for kind in kinds], bool)
+    return (~is_open & (low == high) & flat[low])[piece]
 
 
 def _regions(
