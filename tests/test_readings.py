@@ -12,6 +12,7 @@ from scan2nurbs.faces.relabel import PARTS, take_samples
 from scan2nurbs.faces.topology import TopologyParams, find_topology
 from scan2nurbs.part_readings import READINGS, Reading, build_from_readings, without_relations
 from scan2nurbs.scale import measure_scale
+from scan2nurbs.surfaces.plane import Plane
 from scan2nurbs.surfaces.relations import Related, Relation
 from test_topology import Fit, box, noisy
 
@@ -56,6 +57,37 @@ def test_a_relation_that_spoils_a_part_is_given_up():
     assert found.part.volume == pytest.approx(np.prod(SIZE), rel=0.02)
     assert found.released == {5}
     assert found.fits[5] is fits[5]
+
+
+def open_box(seed, floor):
+    """Points at random on a box whose bottom was not seen, with the kinds of its five planes."""
+    rng = np.random.default_rng(seed)
+    points, label, fits = [], [], []
+    for axis, end in ((0, 0), (0, 1), (1, 0), (1, 1), (2, 1)):
+        place = rng.uniform(0, 1, (int(3000 * (600, 800, 1200)[axis] / 2600), 3))
+        place[:, axis] = end
+        points.append(place * [40, 30, 20])
+        label.append(np.full(len(place), len(fits)))
+        fits.append(Fit(Plane(np.array([40.0, 30, 20]) * end * np.eye(3)[axis], (2.0 * end - 1) * np.eye(3)[axis])))
+    cloud = np.vstack(points)
+    cloud += rng.normal(0, 0.15, cloud.shape)
+    kept = cloud[:, 2] > floor
+    return cloud[kept], np.concatenate(label)[kept].astype(np.int32), tuple(fits)
+
+
+@pytest.mark.parametrize("fill_holes", [False, True])
+@pytest.mark.parametrize("seed", range(4))
+def test_edges_run_out_into_the_rim_of_an_open_scan(seed, fill_holes):
+    points, label, fits = open_box(seed, 1.0)
+    scale, params = measure_scale(points), TopologyParams(fill_holes=fill_holes)
+    topology = find_topology(points, label, fits, scale, params)
+    found = build_from_readings(points, label, fits, fits, topology, scale, params, ModelParams())
+    assert found.part.valid
+    assert [face.trimmed for face in found.part.faces] == ["shared"] * 5
+    assert found.part.n_free_edges == 4
+    assert found.part.max_tolerance < 0.25 * scale.h
+    # No surface closes the bottom, however far it is extended.
+    assert any("left open" in note for note in found.part.notes) == fill_holes
 
 
 def test_what_fits_is_read_once(monkeypatch):

@@ -148,3 +148,21 @@ def test_slopes_of_equations_are_those_of_differences(a, b, way):
     steps = 1e-6 * np.eye(n + len(COLUMNS[b]))
     expected = np.array([(values(e) - values(-e)) / 2e-6 for e in steps]).T
     np.testing.assert_allclose(constraints.evaluate(way, s, t).slope, expected, atol=1e-7)
+
+
+def test_a_relation_costs_a_large_face_nothing_of_what_its_points_tell():
+    rng = np.random.default_rng(5)
+    turn, height = rng.uniform(0, 2 * np.pi, 20_000), rng.uniform(0, 30, 20_000)
+    pipe = np.c_[10 * np.cos(turn), 10 * np.sin(turn), height]
+    radius, angle = 10 * np.sqrt(rng.uniform(size=3000)), rng.uniform(0, 2 * np.pi, 3000)
+    lid = np.c_[radius * np.cos(angle), radius * np.sin(angle), np.zeros(3000)]
+    points = np.vstack([pipe, lid]) + rng.normal(scale=0.1, size=(23_000, 3))
+    label = np.repeat([0, 1], [20_000, 3000]).astype(np.int32)
+    fits = [fit_shape("cylinder", points[:20_000], noise=0.1), fit_shape("plane", points[20_000:], noise=0.1)]
+    mixed = rng.permutation(23_000)
+    related = [impose(points, label, fits), impose(points[mixed], label[mixed], fits)]
+    for found in related:
+        assert [relation.kind for relation in found.relations] == ["parallel"]
+        sigma = found.fits[0].uncertainty["radius"]
+        assert sigma == pytest.approx(fits[0].uncertainty["radius"], rel=0.1)
+        assert abs(found.fits[0].shape.radius - fits[0].shape.radius) < 0.1 * sigma

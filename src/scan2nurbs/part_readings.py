@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,8 @@ _GIVEN_UP = 2
 """How often faces that fit nowhere are given up: what closes one place may show that another does not fit."""
 _LESS = 0.02
 """How much more of the scan a model has to cover to be the better one for it, closed or not."""
+
+_LEFT_OPEN = "The holes in the data could not be closed by extending the surfaces around them: they were left open."
 
 
 @dataclass(frozen=True)
@@ -115,8 +118,36 @@ def build_from_readings(
     also have been moved off a neighbour that the relation does not know of: around what does not fit, relations are given up, in the
     last reading all of them. Before that, wider tolerances are tried, which hold from then on. Readings give way in turns in one of two
     ways where a face does not fit. What is left open then by faces that lie as close to their neighbours' surfaces as points do that belong
-    to them, is closed without these, if it can be. Deterministic.
+    to them, is closed without these, if it can be. Where holes in the data were to be filled, and the part is not closed all the same, a
+    model that leaves them open is taken if it is the better one. Deterministic.
     """
+    read = partial(_read, points, label, fits, unrelated, scale=scale, params=params, progress=progress)
+    found = read(topology, topology_params)
+    if not topology_params.fill_holes or found.part.closed:
+        return found
+    as_they_are = replace(topology_params, fill_holes=False)
+    try:
+        left_open = read(find_topology(points, label, fits, scale, as_they_are), as_they_are)
+    except NoResultError:
+        return found
+    if not left_open.betters(found):
+        return found
+    return replace(left_open, part=replace(left_open.part, notes=(*left_open.part.notes, _LEFT_OPEN)))
+
+
+def _read(
+    points: NDArray[np.float64],
+    label: NDArray[np.int32],
+    fits: Sequence[ShapeFit],
+    unrelated: Sequence[ShapeFit],
+    topology: Topology,
+    topology_params: TopologyParams,
+    *,
+    scale: Scale,
+    params: ModelParams,
+    progress: Progress | None,
+) -> Reading:
+    """Return the best of the readings of a part, as `build_from_readings` tells."""
     known = Known()
     best = last = Reading(build_part(points, fits, topology, scale, params, progress, known=known), topology, tuple(fits))
     related = frozenset(f for f, fit in enumerate(fits) if fit is not unrelated[f])

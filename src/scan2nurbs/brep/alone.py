@@ -23,6 +23,7 @@ from scan2nurbs.brep.outline import Loop as Polyline
 from scan2nurbs.brep.shared import border_points, trim_faces
 from scan2nurbs.brep.wide import widened
 from scan2nurbs.errors import NoResultError
+from scan2nurbs.faces.outline import find_outline
 from scan2nurbs.faces.topology import Border, Loop, Topology
 from scan2nurbs.surfaces.bspline import BSplineSurface, bicubic
 from scan2nurbs.surfaces.shape import Shape
@@ -81,10 +82,43 @@ def trim_anew(f: int, topology: Topology, h: float, scale: float) -> tuple[Any, 
         return ()
 
 
-def _outlined(shape: Shape, topology: Topology, f: int, h: float, scale: float) -> tuple[Any, ...]:
-    from OCP.TopAbs import TopAbs_REVERSED
-    from OCP.TopoDS import TopoDS
+def trim_by_points(f: int, shape: Shape, topology: Topology, h: float, scale: float) -> tuple[Any, ...]:
+    """Trim one face by an outline of its part of the mesh, whatever its borders are: they may enclose nothing; see `trim_alone`."""
+    mesh = topology.mesh
+    triangles = mesh.triangles[mesh.face == f]
+    places = np.vstack([mesh.vertices[np.unique(triangles)], mesh.vertices[triangles].mean(axis=1)])
+    for surface in (lambda: shape, lambda: mesh_surface(topology, f, h)):
+        try:
+            return _within_points(chart_of(widened(surface(), places, h), 1.0), places, topology.outward[f], h, scale)
+        except (NoResultError, ValueError):
+            continue
+    return ()
 
+
+def _within_points(chart: Chart, places: Floats, outward: int, h: float, scale: float) -> tuple[Any, ...]:
+    """Trim a surface by the outline of points on it."""
+    if chart.period[1]:
+        raise NoResultError("Outlines are found on surfaces that come back to themselves in one direction at most.")
+    uv = chart.uv(places)
+    lengths = _lengths(chart, uv)
+    outline = find_outline(uv * lengths, spacing=h, period=chart.period[0] * lengths[0] if chart.period[0] else None)
+    lines = [Polyline(loop.points / lengths, closed=not np.any(loop.shift)) for loop in outline.loops]
+    around = (any(not line.closed for line in lines), False)
+    surface = chart.surface if isinstance(chart, SplineChart) else _patch(chart, np.vstack([line.uv for line in lines]), around)
+    return _trimmed(surface, lines, outward, h, scale)
+
+
+def _lengths(chart: Chart, uv: Floats) -> Floats:
+    """Return what one unit of u and of v is worth in length, on average over parameters (N, 2)."""
+    size = 1e-4 * np.ptp(uv, axis=0)
+    steps = [np.linalg.norm(chart.point(uv + step) - chart.point(uv), axis=1).mean() for step in np.diag(size)]
+    lengths = np.array(steps) / size
+    if not (np.isfinite(lengths).all() and lengths.min() > 0.0):
+        raise NoResultError("The points lie in one place of the surface.")
+    return lengths
+
+
+def _outlined(shape: Shape, topology: Topology, f: int, h: float, scale: float) -> tuple[Any, ...]:
     chart = chart_of(shape, 1.0)
     loops = []
     for loop in topology.loops[f]:
@@ -95,13 +129,21 @@ def _outlined(shape: Shape, topology: Topology, f: int, h: float, scale: float) 
     loops, around = unrolled(chart, loops)
     surface = chart.surface if isinstance(chart, SplineChart) else _patch(chart, np.vstack(loops), around)
     lines = [Polyline(uv, closed=not any(p and abs(uv[-1, a] - uv[0, a]) > 0.5 * p for a, p in enumerate(chart.period))) for uv in loops]
+    return _trimmed(surface, lines, topology.outward[f], h, scale)
+
+
+def _trimmed(surface: BSplineSurface, lines: list[Polyline], outward: int, h: float, scale: float) -> tuple[Any, ...]:
+    """Build the face of a surface within given lines."""
+    from OCP.TopAbs import TopAbs_REVERSED
+    from OCP.TopoDS import TopoDS
+
     found = trimmed_face(surface, lines, tolerance=_TOLERANCE * h)
     if not found.wires:
         raise NoResultError("No outline is left of it.")
     face = build_face(found.surface, found.wires, scale=scale)
     if not (is_valid(face) and is_valid_meshed(face, every=False)):
         raise NoResultError("Its own outline is not valid.")
-    return (TopoDS.Face(face.Oriented(TopAbs_REVERSED)) if topology.outward[f] < 0 else face,)
+    return (TopoDS.Face(face.Oriented(TopAbs_REVERSED)) if outward < 0 else face,)
 
 
 def _patch(chart: Chart, uv: Floats, around: tuple[bool, bool]) -> BSplineSurface:

@@ -252,10 +252,13 @@ def _placed(start: Floats, shapes: list[Shape], guides: list[_Guide], h: float) 
     vague = [guide for guide in guides if guide.mode < 2]
     prior = _PRIOR[max(guide.caution for guide in guides)]
     found = start
-    # Surfaces that hardly meet would carry the vertex far away: it is then held more firmly.
+    # Surfaces that hardly meet would carry the vertex far away: it is then held more firmly. But where the vertex is far from one of
+    # them, as at the rim of a scan, between whose points there may be gaps, it has to go as far as surfaces at right angles ask for.
+    apart = max(float(np.abs(shape.distance(start[None])[0])) for shape in shapes)
+    farthest = max(_DRIFT * h, np.sqrt(len(shapes)) * apart)
     for firm in (prior, 0.1, 0.3, 1.0):
         found = _vertex(start, shapes, vague, h, max(firm, prior))
-        if np.linalg.norm(found - start) <= _DRIFT * h:
+        if np.linalg.norm(found - start) <= farthest:
             break
     return found
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from scan2nurbs.brep.alone import trim_alone, trim_anew
+from scan2nurbs.brep.alone import trim_alone, trim_anew, trim_by_points
 from scan2nurbs.brep.attempts import ATTEMPTS, TOO_WIDE, Attempt, trim_part, without_tips
 from scan2nurbs.brep.borders import BorderCurve
 from scan2nurbs.brep.cad import tessellate
@@ -253,10 +253,11 @@ def _completed(
 
 
 def _on_its_own(f: int, shape: Any, topology: Topology, h: float, factor: float, room: float, least: float) -> tuple[Any, ...]:
-    """Trim a face by its own outline: on its surface, or where that misses its points on one through its part of the mesh."""
+    """Trim a face by its own outline: on its surface, or where that misses its points otherwise."""
     found: tuple[Any, ...] = ()
-    for trim in (lambda: trim_alone(f, shape, topology, h, factor), lambda: trim_anew(f, topology, h, factor)):
-        tried = trim()
+    ways = (partial(trim_alone, f, shape), partial(trim_anew, f), partial(trim_by_points, f, shape))
+    for trim in ways:
+        tried = trim(topology, h, factor)
         if _is_astray(tried, room, topology, h, factor):
             continue
         found = tried if _size(tried, factor) > _size(found, factor) else found

@@ -23,7 +23,7 @@ from scan2nurbs.surfaces.shape_solve import TUKEY, distances
 logger = logging.getLogger(__name__)
 
 RELATIONS = ("parallel", "perpendicular", "coaxial", "coplanar", "equal radius", "tangent")
-_POINTS = 4000  # points of a face that take part in the joint fit, at most
+_POINTS = 50_000  # points of a face that take part in the joint fit, at most
 _ATTEMPTS = 12
 _PATIENCE = 4  # attempts in which relations are given up one by one
 _CLOSED = 1e-10  # of the extent, and radians: equations that are further off contradict each other
@@ -280,7 +280,8 @@ def _result(part: _Part, fits: Sequence[ShapeFit], joint: JointFit, active: Sequ
         rise[member.face] = (after - part.before[i]) * part.extent
         if member.face in touched:
             size = np.where(lengths(shape.kind), part.extent, 1.0)
-            covariance = inverse(normal_system(shape, member)[0]) * np.outer(size, size)
+            # Of the points that took part: what others would have told is not in the fit.
+            covariance = inverse(normal_system(shape, member._replace(share=1.0))[0]) * np.outer(size, size)
             back = scaled(shape, np.zeros(3), part.extent, part.middle)
             old = fits[member.face]
             new[member.face] = replace(old, shape=back, rms=after * part.extent, covariance=covariance)
