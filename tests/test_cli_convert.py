@@ -192,6 +192,42 @@ def test_segment_writes_a_face_for_every_row(scan, tmp_path, capsys):
     assert np.bincount(face[face >= 0]).tolist() == [f["n_points"] for f in record["faces"]]
 
 
+def test_a_run_of_segment_is_repeated_from_its_own_parameters(scan, tmp_path, capsys):
+    assert run("segment", scan, "--tolerance", 1e-4, "--quiet", "--json") == 0
+    first = json.loads(capsys.readouterr().out)
+    assert set(first["parameters"]) == {"edges", "segment", "part"}
+    assert any("changes nothing" in warning for warning in first["warnings"])
+    config = tmp_path / "again.toml"
+    sections = {
+        name: "".join(f"{key} = {json.dumps(value)}\n" for key, value in values.items() if value is not None)
+        for name, values in first["parameters"].items()
+    }
+    config.write_text("".join(f"[{name}]\n{values}" for name, values in sections.items()), encoding="utf-8")
+    assert run("segment", scan, "--config", config, "--quiet", "--json") == 0
+    again = json.loads(capsys.readouterr().out)
+    assert again["parameters"] == first["parameters"]
+    assert again["faces"] == first["faces"]
+
+
+def test_a_value_of_the_config_may_go_with_one_of_the_command_line(scan, tmp_path, capsys):
+    config = tmp_path / "config.toml"
+    config.write_text('[edges]\noperator = "edn"\nsmall_radius = 12.0\n', encoding="utf-8")
+    assert run("edges", scan, "--config", config, "--large-radius", 20, "--quiet", "--json") == 0
+    assert json.loads(capsys.readouterr().out)["parameters"]["edges"]["large_radius"] == 20
+    assert run("edges", scan, "--config", config, "--quiet") == 2
+    assert "config.toml: In the section 'edges'" in capsys.readouterr().err
+
+
+def test_where_there_are_no_curves_nothing_is_written(tmp_path, capsys):
+    rng = np.random.default_rng(0)
+    points = rng.normal(size=(3000, 3))
+    write_points(tmp_path / "ball.ply", points / np.linalg.norm(points, axis=1)[:, None], {}, unit="mm")
+    files = tmp_path / "edges.ply", tmp_path / "curves.ply"
+    assert run("edges", tmp_path / "ball.ply", "-o", files[0], "--curves", files[1], "--quiet") == 4
+    assert "no file of curves" in capsys.readouterr().err
+    assert not any(path.exists() for path in files)
+
+
 def test_corrections_are_done_and_replayed(scan, tmp_path, capsys, record):
     (pin,) = [face["number"] for face in record["faces"] if face["type"] == "cylinder"]
     steps = [

@@ -112,3 +112,19 @@ def test_measure_speaks_of_the_cloud():
     measured = s2n.measure(sheet(1000), unit="cm")
     assert measured.cloud.unit == "cm"
     assert measured.scale.spacing < measured.scale.h
+
+
+def test_masked_rows_are_no_points():
+    points = np.random.default_rng(0).normal(size=(50, 3))
+    masked = np.ma.masked_array(points, np.zeros(points.shape, bool))
+    masked[::10, 1] = np.ma.masked
+    cloud = as_cloud(masked)
+    np.testing.assert_array_equal(cloud.rows[::10], -1)
+    assert len(cloud.points) == 45
+    whole = np.ma.masked_array(np.arange(30).reshape(10, 3) ** 2, False)
+    assert len(as_cloud(whole).points) == 10
+
+
+def test_complex_numbers_are_refused():
+    with pytest.raises(InputError, match="real numbers"):
+        as_cloud(np.ones((10, 3)) * 1j)

@@ -83,6 +83,8 @@ def test_merging_changes_no_other_face(tmp_path_factory, pairs):
         ([{"join": [0, 1]}], "one key of merge"),
         ([{"merge": [0, 1], "delete": 2}], "one key of merge"),
         ([{"merge": [0]}], "at least two faces"),
+        ([{"merge": [0, 0]}], "two faces that are not the same"),
+        ([{"assign": {"face": 0, "boxes": [{"min": [90, 90, 90], "max": [91, 91, 91]}]}}], "holds no point"),
         ([{"merge": [0, -1]}], "must be a number as the report has it"),
         ([{"merge": [0, 9]}], "Step 1 .merge.: there is no face 9"),
         ([{"delete": 2}, {"delete": 2}], "Step 2 .delete.: there is no face 2"),

@@ -286,3 +286,19 @@ def test_short_texts_do_not_wait_for_the_reader_of_long_ones(tmp_path):
     path.write_bytes(samples.text(XYZ))
     code = "import sys; from scan2nurbs.io import read_scan; read_scan(sys.argv[1]); print('polars' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=True).stdout == "False\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ('"x","y","z"\n"2,7392","-4,6043","9,18"\n"2,5","4,5","1,5"\n', "commas within quotes"),
+        ("id x y z\n0 1.2 3.4 5.6 17\n1 1.3 3.4 5.6 17\n", r"names 4 columns, the rows below it have 5"),
+        ("x,y,z\n0.5,1.2,3.4,5.6\n1.5,1.3,3.4,5.6\n", r"names 3 columns, the rows below it have 4"),
+    ],
+)
+def test_what_a_header_or_quotes_say_is_not_passed_over(tmp_path, text, said):
+    path = tmp_path / "scan.csv"
+    path.write_text(text)
+    with pytest.raises(InputError, match=said) as caught:
+        read_scan(path)
+    assert caught.value.offset == 2 or "quotes" in said

@@ -156,9 +156,9 @@ def test_a_relation_costs_a_large_face_nothing_of_what_its_points_tell():
     pipe = np.c_[10 * np.cos(turn), 10 * np.sin(turn), height]
     radius, angle = 10 * np.sqrt(rng.uniform(size=3000)), rng.uniform(0, 2 * np.pi, 3000)
     lid = np.c_[radius * np.cos(angle), radius * np.sin(angle), np.zeros(3000)]
-    points = np.vstack([pipe, lid]) + rng.normal(scale=0.1, size=(23_000, 3))
+    points = np.vstack([pipe, lid]) + rng.normal(scale=NOISE, size=(23_000, 3))
     label = np.repeat([0, 1], [20_000, 3000]).astype(np.int32)
-    fits = [fit_shape("cylinder", points[:20_000], noise=0.1), fit_shape("plane", points[20_000:], noise=0.1)]
+    fits = [fit_shape("cylinder", points[:20_000], noise=NOISE), fit_shape("plane", points[20_000:], noise=NOISE)]
     mixed = rng.permutation(23_000)
     related = [impose(points, label, fits), impose(points[mixed], label[mixed], fits)]
     for found in related:

@@ -81,6 +81,11 @@ def test_reaches_the_spacing_that_was_asked_for():
     assert len(made.points) == pytest.approx(4 * np.pi * RADIUS**2 / 1.1**2 / 0.9, rel=0.03)
 
 
+def test_a_spacing_that_asks_for_too_many_points_is_refused():
+    with pytest.raises(ParameterError, match="points on this part"):
+        scan(sphere(), n_points=None, spacing=1e-9)
+
+
 def test_noise_has_the_size_and_direction_that_was_asked_for():
     made = scan(table(), n_points=20_000, noise=0.4, noise_across=0.15, **ABOVE)
     error = (made.points - made.clean) / made.spacing

@@ -134,7 +134,11 @@ def _from_file(path: Path, unit: str | None) -> PointCloud:
 
 
 def _as_rows(points: Any) -> NDArray[np.float64]:
+    if np.iscomplexobj(points):
+        raise InputError("The points must be real numbers in an (N, 3) array. Got complex ones instead.")
     try:
+        if isinstance(points, np.ma.MaskedArray):  # what is masked is no point
+            points = np.ma.filled(points.astype(np.float64), np.nan)
         rows = np.asarray(points, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise InputError(f"The points must be numbers in an (N, 3) array: {error}.") from error

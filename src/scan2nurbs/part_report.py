@@ -169,13 +169,13 @@ def _model(model: Model) -> dict[str, Any]:
     part = model.part
     off = model.deviation[np.isfinite(model.deviation)]
     return {
-        "n_faces": len(part.faces),
+        "n_faces": sum(bool(face.shapes) for face in part.faces),
         "n_edges": len(part.edges),
         "n_solids": part.n_solids,
         "closed": part.closed,
         "valid": part.valid,
         "free_edges": part.n_free_edges,
-        "volume": part.volume,
+        "volume": part.volume if part.closed else None,
         "area": part.area,
         "max_tolerance": part.max_tolerance,
         "coverage": part.coverage,

@@ -61,12 +61,15 @@ def parameters(stage: Stage, given: Given, config: Config, path: Path | None = N
         Parameters of stages inside this one.
     """
     from_file = {key: _from_toml(stage, key, value, path) for key, value in config.get(stage.section, {}).items()}
-    _check(stage, from_file, path)
-    return stage.params(**(from_file | given.of(stage) | nested))
+    try:
+        return stage.params(**(from_file | given.of(stage) | nested))
+    except (ParameterError, TypeError):
+        _check(stage, from_file, path)
+        raise
 
 
 def _check(stage: Stage, values: Mapping[str, Any], path: Path | None) -> None:
-    """Blame the file, not the command line, for a value out of range."""
+    """Blame the file, not the command line, for a value that is out of range without what the command line says."""
     try:
         stage.params(**values)
     except (ParameterError, TypeError) as error:

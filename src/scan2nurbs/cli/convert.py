@@ -61,7 +61,7 @@ def convert(
         from scan2nurbs.part_files import part_facts, part_record, write_deviations  # noqa: PLC0415
 
         model = reconstruct(scan, params, unit=unit, progress=session.progress)
-        record = part_record(model, effective(params))
+        record = part_record(model, effective(params, STAGES))
         with session.watch("write"):
             for path in (output, mesh):
                 if path is not None:

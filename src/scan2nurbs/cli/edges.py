@@ -67,12 +67,13 @@ def edges(
         found = edges_by_row(found, cloud)
         if output is not None or network is not None:
             with session.watch("write"):
-                if output is not None:
-                    write_edges(output, cloud, found)
+                # First what there may be nothing to write of: a run that fails leaves nothing.
                 if curves is not None and network is not None:
                     from scan2nurbs.cli.edge_curves import write_network  # noqa: PLC0415
 
                     write_network(curves, cloud, network, scale.h)
+                if output is not None:
+                    write_edges(output, cloud, found)
         record = edges_record(cloud, found, params)
         if network is not None:
             from scan2nurbs.cli.edge_curves import network_record  # noqa: PLC0415

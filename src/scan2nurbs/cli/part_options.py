@@ -73,11 +73,11 @@ def part_params(given: Given, config: Config, stages: tuple[Stage, ...]) -> Part
     return parameters(PART, given, config, given.common.config, **own, **nested)
 
 
-def effective(params: PartParams) -> dict[str, dict[str, Any]]:
-    """Return all parameters by section, as a config file would hold them."""
+def effective(params: PartParams, stages: tuple[Stage, ...]) -> dict[str, dict[str, Any]]:
+    """Return the parameters of a command's stages by section, as a config file would hold them."""
     used = ((EDGES, params.edges), (SEGMENT, params.segment), (PART, params), (RELATIONS, params.relation_params))
     used += ((TOPOLOGY, params.topology), (MODEL, params.model))
-    record = {stage.section: {key: getattr(value, key) for key in stage.names()} for stage, value in used}
+    record = {stage.section: {key: getattr(value, key) for key in stage.names()} for stage, value in used if stage in stages}
     record["part"]["corrections"] = None if params.corrections is None else params.corrections.source
     return record
 

@@ -49,7 +49,7 @@ def segment(
         cloud = parted.cloud
         head = {"input": records.input_record(cloud), "scale": records.scale_record(parted.scale)}
         warnings = [*cloud.notes, *records.scale_warnings(parted.scale), *report["warnings"]]
-        record = head | report | {"parameters": effective(params), "warnings": warnings}
+        record = head | report | {"parameters": effective(params, FACE_STAGES), "warnings": warnings}
         facts = face_facts(parted)
         lines = [records.input_line(cloud), *records.aligned(facts)]
         session.finish(record, lines, outputs=[output], headline=facts, pictures=lambda: _pictures(parted))

@@ -108,7 +108,7 @@ def apply_face_corrections(label: NDArray[np.int32], corrections: FaceCorrection
     Raises
     ------
     InputError
-        If a step names a face that does not exist at that point, or a split that leaves nothing on one of its sides.
+        If a step names a face that does not exist at that point, a split that leaves nothing on one of its sides, or a selection without a point.
     """
     work = _Work(label.copy(), corrections.source, selected)
     for number, step in enumerate(corrections.steps, start=1):
@@ -147,6 +147,8 @@ class _Work:
             chosen = self.selected(step.points)
             if step.action == "split":
                 self._split(first, chosen, where)
+            elif not chosen.any():
+                raise InputError(f"{where}: the selection holds no point.", path=self.source)
             else:
                 self.changed |= {int(face) for face in np.unique(self.label[chosen])} | {first}
                 self.label[chosen] = first
@@ -182,7 +184,10 @@ def _step(content: Any, where: str, path: Path) -> Step:
     if action == "merge":
         if not isinstance(said, list) or len(said) < 2:
             raise InputError(f"{where}: a merge needs a list of at least two faces.", path=path)
-        return Step("merge", tuple(_face(face, where, path) for face in said))
+        faces = tuple(_face(face, where, path) for face in said)
+        if len(set(faces)) < 2:
+            raise InputError(f"{where}: a merge needs two faces that are not the same.", path=path)
+        return Step("merge", faces)
     if action == "delete":
         return Step("delete", (_face(said, where, path),))
     if not isinstance(said, dict):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -146,7 +146,8 @@ def segment_points(
     label, kept = rank_faces(settle_borders(points, pieces.label, pieces.fits, scale, noise), params.max_faces)
     fits = swept_fits(points, label, refits(points, label, [pieces.fits[k] for k in kept], noise), noise, allowed)
     smooth = smooth_contacts(points, label, face_contacts(label, scale), fits, scale)
-    return Faces(label=label, fits=fits, smooth=frozenset(contact.pair for contact in smooth), by_edges=pieces.by_edges)
+    notes = _tolerance_notes(params, part_scale)
+    return Faces(label=label, fits=fits, smooth=frozenset(contact.pair for contact in smooth), notes=notes, by_edges=pieces.by_edges)
 
 
 def _sheet(scale: Scale, normals: NDArray[np.float64], params: SegmentParams) -> tuple[Sheet, NDArray[np.float64], NDArray[np.float64]]:
@@ -171,6 +172,13 @@ def _sheet(scale: Scale, normals: NDArray[np.float64], params: SegmentParams) ->
 def allowed_kinds(keep_types: tuple[str, ...] | None) -> NDArray[np.bool_]:
     """Tell which kinds of models may be tried."""
     return np.array([keep_types is None or name in keep_types for name in KIND_NAMES], bool)
+
+
+def _tolerance_notes(params: SegmentParams, scale: Scale) -> tuple[str, ...]:
+    least = 3.0 * _noise(replace(params, tolerance=None), scale)
+    if params.tolerance is None or params.tolerance > least:
+        return ()
+    return (f"A tolerance of {params.tolerance:.3g} changes nothing: points {least:.3g} from a surface belong to it by their noise.",)
 
 
 def _noise(params: SegmentParams, scale: Scale) -> float:

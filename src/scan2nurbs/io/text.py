@@ -28,6 +28,7 @@ _NAMES = tuple(
     )
 )
 _SEPARATORS = {None: "white space", b",": "commas", b";": "semicolons", b"\t": "tabs"}
+_COMMA_IN_QUOTES = re.compile(rb'(?:^|,)\s*"[^"]*,[^"]*"\s*(?:,|$)')
 _UNIT_IN_NAME = re.compile(r"[\[(_ ]\s*(\w+)\s*[\])]?\s*$")
 
 
@@ -57,6 +58,8 @@ def read_text(source: Source) -> Scan:
     if not head.sample:
         raise source.fault("The text holds no points.")
     separator, decimal_comma = _guess_separator(head.sample)
+    if separator == b"," and any(_COMMA_IN_QUOTES.search(body) for body in head.sample):
+        raise source.fault(f"Line {head.line} ({show(head.sample[0])}) has commas within quotes: write it without quotes.", head.line)
     width = _width(head.sample[0], separator)
     columns, unit, guess = _choose_columns(source, head, separator, width, decimal_comma)
     layout = Layout(columns=columns, width=width, separator=separator, decimal_comma=decimal_comma)
@@ -141,6 +144,7 @@ def _choose_columns(
     source: Source, head: _Head, separator: bytes | None, width: int, decimal_comma: bool
 ) -> tuple[tuple[int, int, int], str | None, str]:
     """Return the columns of x, y and z, the unit that their names state, and how they were found."""
+    misfit = None
     for title in (head.header, *(comment.encode() for comment in reversed(head.comments))):
         if title is None:
             continue
@@ -151,6 +155,10 @@ def _choose_columns(
             if columns is not None and len(names) - (not names[-1]) == width:
                 shown = ", ".join(names[c] for c in columns)
                 return columns, _unit_of_name(names[columns[0]]), f"the header names the coordinates {shown}"
+            if columns is not None and title is head.header:
+                misfit = f"The header ({show(title)}) names {len(names)} columns, the rows below it have {width}."
+    if misfit is not None:
+        raise source.fault(misfit, head.line)
     values = [number(token, decimal_comma=decimal_comma) for token in split_row(head.sample[0], separator)]
     numeric = [column for column, value in enumerate(values) if value is not None]
     if len(numeric) < 3:

@@ -93,7 +93,7 @@ class SimulateParams:
         if self.n_points is not None and self.spacing is not None:
             raise ParameterError("Only one of 'n_points' and 'spacing' of simulate_scan may be given.")
         if self.n_points is not None:
-            require_int(self.n_points, "n_points", _OWNER, 10, 10**9)
+            require_int(self.n_points, "n_points", _OWNER, 10, MOST_POINTS)
         if self.spacing is not None:
             require_float(self.spacing, "spacing", _OWNER, 0)
         require_choice(self.mode, "mode", _OWNER, ("scanner", "grid", "random", "uneven"))
@@ -112,6 +112,7 @@ class SimulateParams:
         require_int(self.seed, "seed", _OWNER, 0, 2**63 - 1)
 
 
+MOST_POINTS = 10**9
 _OWNER = "simulate_scan"
 
 _FROM_ZERO = {

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scan2nurbs.brep.cad import CadPart, load_cad, tessellate
-from scan2nurbs.errors import NoResultError
+from scan2nurbs.errors import NoResultError, ParameterError
 from scan2nurbs.simulate.disturb import add_noise, add_outliers, without_holes
-from scan2nurbs.simulate.params import SimulateParams
+from scan2nurbs.simulate.params import MOST_POINTS, SimulateParams
 from scan2nurbs.simulate.samples import Samples
 from scan2nurbs.simulate.sampling import sample_grid, sample_random, sample_uneven
 from scan2nurbs.simulate.scanner import scan_views
@@ -133,7 +133,12 @@ def _sample(part: CadPart, params: SimulateParams) -> tuple[CadPart, Samples, in
     area = float(samples.area.sum())
     total = params.n_points or _DEFAULT_POINTS
     if params.spacing is not None:
-        total = max(10, round(area / params.spacing**2 / (1 - params.outliers)))
+        asked = area / params.spacing**2 / (1 - params.outliers)
+        if asked > MOST_POINTS:
+            raise ParameterError(
+                f"A 'spacing' of {params.spacing:g} asks for {asked:.2g} points on this part; {MOST_POINTS:,} are the most."
+            )
+        total = max(10, round(asked))
     n_outliers = round(params.outliers * total)
     wanted = total - n_outliers
     spacing = float(np.sqrt(area / wanted))
