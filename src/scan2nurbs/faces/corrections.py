@@ -108,7 +108,8 @@ def apply_face_corrections(label: NDArray[np.int32], corrections: FaceCorrection
     Raises
     ------
     InputError
-        If a step names a face that does not exist at that point, a split that leaves nothing on one of its sides, or a selection without a point.
+        If a step names a face that does not exist at that point, a split that leaves nothing on one of its sides, or a selection
+        without a point.
     """
     work = _Work(label.copy(), corrections.source, selected)
     for number, step in enumerate(corrections.steps, start=1):

@@ -135,9 +135,8 @@ def _sample(part: CadPart, params: SimulateParams) -> tuple[CadPart, Samples, in
     if params.spacing is not None:
         asked = area / params.spacing**2 / (1 - params.outliers)
         if asked > MOST_POINTS:
-            raise ParameterError(
-                f"A 'spacing' of {params.spacing:g} asks for {asked:.2g} points on this part; {MOST_POINTS:,} are the most."
-            )
+            said = f"A 'spacing' of {params.spacing:g} is too fine: it asks for {asked:.2g} points on this part"
+            raise ParameterError(f"{said}; {MOST_POINTS:,} are the most.")
         total = max(10, round(asked))
     n_outliers = round(params.outliers * total)
     wanted = total - n_outliers
