@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -11,9 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import KDTree
 
-from scan2nurbs.brep.alone import trim_anew
+from scan2nurbs.brep.alone import trim_anew, trim_by_points
 from scan2nurbs.brep.check import is_valid
 from scan2nurbs.brep.conform import _folds_within, conformed, mesh_surface
+from scan2nurbs.brep.measure import rough_area
 from scan2nurbs.brep.part import build_part
 from scan2nurbs.errors import NoResultError
 from scan2nurbs.faces.orient import outward_signs
@@ -198,6 +199,20 @@ def test_a_face_that_holds_a_pole_of_a_narrow_torus_is_not_lost():
     alone = trim_anew(int(np.flatnonzero(topology.source == 1)[0]), topology, scale.h, 1.0)
     assert len(alone) == 1
     assert is_valid(alone[0])
+
+
+@pytest.mark.parametrize("shape", ["own", "narrow torus"])
+def test_a_face_whose_borders_are_of_no_use_is_trimmed_by_its_points(shape):
+    cloud, labels, fits = box()
+    scale = measure_scale(cloud)
+    topology = find_topology(cloud, labels, fits, scale)
+    for f, source in enumerate(topology.source):
+        own = fits[source].shape if shape == "own" else Torus(center=np.array([10.0, 10.0, -89.9]), axis=Z, major=5.0, minor=100.0)
+        (face,) = trim_by_points(f, own, replace(topology, loops=((),) * topology.n_faces), scale.h, 1.0)
+        assert is_valid(face)
+        # An outline runs up to a spacing outside of its points.
+        around = 4.0 * np.sqrt(topology.areas[f]) * scale.h
+        assert 0.95 * topology.areas[f] < rough_area(face) < topology.areas[f] + 1.2 * around
 
 
 @pytest.mark.parametrize(("middle", "seen"), [((4.0, 4.0), True), ((8.5, 4.0), False), ((1.5, 1.5), False), ((6.2, 5.0), True)])

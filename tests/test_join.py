@@ -124,7 +124,7 @@ def test_bent_faces_are_shown_with_triangles_of_a_least_size_alone(monkeypatch):
 
     monkeypatch.setattr(viewed, "_lost", note)
     squares = [polygon([(x, 0), (x + 9, 0), (x + 9, 9), (x, 9)]) for x in (0, 20, 40)]
-    assert unseen([(square,) for square in squares], compound(squares), bent=[1]) == []
+    assert unseen([(square,) for square in squares], compound(squares), wrinkled=[1]) == []
     assert asked == [([0, 1, 2], False)] * 2 + [([0, 2], True)] * 3
 
 

@@ -332,6 +332,7 @@ def test_a_face_of_its_own_is_the_one_that_covers_its_points(monkeypatch):
     def chosen(on_surface, on_mesh):
         monkeypatch.setattr(part_module, "trim_alone", lambda *_: on_surface)
         monkeypatch.setattr(part_module, "trim_anew", lambda *_: on_mesh)
+        monkeypatch.setattr(part_module, "trim_by_points", lambda *_: ())
         return _on_its_own(0, None, topology([], np.empty((0, 3)), ()), 1.0, 1.0, room=1000.0, least=200.0)
 
     small, large, none = sheet(1.0), sheet(30.0), ()

@@ -129,8 +129,9 @@ def _shown(faces: list[Pieces], how: list[str], around: Surroundings, notes: lis
     faces, how, whole, left = list(faces), list(how), _together(faces), list[int]()
     for _ in range(_SHOWN):
         try:
-            bent = [f for f, kind in enumerate(how) if kind == "bent"]
-            lost = _joined(unseen(faces, whole.shape, bent), how) if is_valid(whole.shape) else []
+            # What was trimmed by its own outline may lie on a surface through the mesh.
+            wrinkled = [f for f, kind in enumerate(how) if kind in ("bent", "alone")]
+            lost = _joined(unseen(faces, whole.shape, wrinkled), how) if is_valid(whole.shape) else []
         except KernelError:  # what the kernel cannot triangulate at all is found, and told, below
             break
         if not lost:

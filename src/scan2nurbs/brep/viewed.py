@@ -25,7 +25,7 @@ _LOOP = 0.008
 Pieces = tuple[Any, ...]
 
 
-def unseen(faces: Sequence[Pieces], shape: Any, bent: Collection[int] = ()) -> list[int]:
+def unseen(faces: Sequence[Pieces], shape: Any, wrinkled: Collection[int] = ()) -> list[int]:
     """Return the faces that get no triangles, or only such as the kernel finds invalid, in one of the usual ways to show a part.
 
     Parameters
@@ -34,7 +34,7 @@ def unseen(faces: Sequence[Pieces], shape: Any, bent: Collection[int] = ()) -> l
         The pieces of each face.
     shape : TopoDS_Shape
         The valid part that holds them, in kernel units. It stays without triangles.
-    bent : collection of int
+    wrinkled : collection of int
         Faces whose surfaces may have wrinkles. However small, these would be meshed until their angles are small, for minutes: so all
         triangles have a least size, but those of the other faces are tried once more by that which the kernel takes by default.
 
@@ -54,7 +54,7 @@ def unseen(faces: Sequence[Pieces], shape: Any, bent: Collection[int] = ()) -> l
         lost = {f for f, pieces in every.items() if any(_is_tangled(piece, _LOOP * size) for piece in pieces)}
         for deflection, angle, small in _VIEWS:
             # What is lost in coarse triangles is not asked for fine ones, which may take the kernel minutes then.
-            shown = {f: pieces for f, pieces in every.items() if f not in lost and not (small and f in bent)}
+            shown = {f: pieces for f, pieces in every.items() if f not in lost and not (small and f in wrinkled)}
             lost.update(_lost(shown, deflection * size, angle, None if small else _LEAST * size))
         return sorted(lost)
 
