@@ -7,6 +7,7 @@ import pytest
 
 from scan2nurbs.brep import shared
 from scan2nurbs.brep.crossing import borders_cross
+from scan2nurbs.brep.measure import rough_area
 from scan2nurbs.brep.occ import silence, to_surface
 from scan2nurbs.brep.overlay import crossings
 from scan2nurbs.brep.solids import compound
@@ -89,6 +90,19 @@ def test_a_tangled_face_is_lost_without_being_shown(monkeypatch):
     square, tangled = polygon([(20, 0), (29, 0), (29, 9), (20, 9)]), sheet(TWISTED)
     assert unseen([(square,), (tangled,)], compound([square, tangled])) == [1]
     assert shown == [[0]] * 5
+
+
+def test_a_face_with_a_short_tangle_is_not_asked_for_the_finest_triangles(monkeypatch):
+    from scan2nurbs.brep import viewed
+
+    shown, curved, square = [], sheet(OUTER), polygon([(20, 0), (29, 0), (29, 9), (20, 9)])
+    monkeypatch.setattr(viewed, "_lost", lambda faces, deflection, *_: shown.append((sorted(faces), deflection)) or [])
+    # A loop as long as five of the fine deflections.
+    size = (rough_area(curved) + rough_area(square)) ** 0.5
+    monkeypatch.setattr(viewed, "borders_cross", lambda _face, least: least < 0.005 * size)
+    assert unseen([(curved,), (square,)], compound([curved, square])) == []
+    assert [faces for faces, _ in shown] == [[0, 1]] * 4 + [[1]]
+    assert shown[-1][1] == min(deflection for _, deflection in shown)
 
 
 def test_a_tangled_face_is_not_asked_for_fine_triangles(monkeypatch):

@@ -19,8 +19,10 @@ _VIEWS = ((0.01, 0.5, False), (0.002, 0.1, False), (0.002, 0.5, True), (0.002, 0
 as small as the kernel likes, as viewers have it: then for surfaces without wrinkles only."""
 _LEAST = 5e-4
 """Least size of the other triangles, as such a share."""
-_LOOP = 0.008
-"""Loops between borders that cross, shorter than such a share, four fine deflections, vanish between triangles."""
+_LOOP = 4.0
+"""Loops between borders that cross, shorter than so many deflections, vanish between triangles."""
+_COMMON = 0.002
+"""The finest deflection of which a face with a longer loop is not shown at all."""
 
 Pieces = tuple[Any, ...]
 
@@ -45,18 +47,26 @@ def unseen(faces: Sequence[Pieces], shape: Any, wrinkled: Collection[int] = ()) 
 
     Notes
     -----
-    Curved faces whose borders cross are not shown at all: the kernel may refine their triangles for minutes.
+    Curved faces whose borders cross are not shown at all: the kernel may refine their triangles for ever. Those that cross in a loop so
+    short that it vanishes between all but the finest triangles are not asked for these.
     A face that can be triangulated by itself may not be where it shares edges: each is divided so that it is fine enough for both faces.
     """
     every = dict(enumerate(faces))
     with kernel_errors("triangulate the part"):
         size = max(rough_area(shape), CONFUSION**2) ** 0.5
-        lost = {f for f, pieces in every.items() if any(_is_tangled(piece, _LOOP * size) for piece in pieces)}
+        lost = _tangled(every, _LOOP * _COMMON * size)
         for deflection, angle, small in _VIEWS:
             # What is lost in coarse triangles is not asked for fine ones, which may take the kernel minutes then.
-            shown = {f: pieces for f, pieces in every.items() if f not in lost and not (small and f in wrinkled)}
-            lost.update(_lost(shown, deflection * size, angle, None if small else _LEAST * size))
+            spared = set(wrinkled) if small else set[int]()
+            if deflection < _COMMON:
+                spared |= _tangled(every, _LOOP * deflection * size)
+            shown = {f: pieces for f, pieces in every.items() if f not in lost | spared}
+            lost.update(_lost(shown, deflection * size, angle, None if small else _LEAST * size) if shown else ())
         return sorted(lost)
+
+
+def _tangled(faces: Mapping[int, Pieces], least: float) -> set[int]:
+    return {f for f, pieces in faces.items() if any(_is_tangled(piece, least) for piece in pieces)}
 
 
 def _is_tangled(face: Any, least: float) -> bool:
