@@ -92,17 +92,16 @@ def test_a_tangled_face_is_lost_without_being_shown(monkeypatch):
     assert shown == [[0]] * 5
 
 
-def test_a_face_with_a_short_tangle_is_not_asked_for_the_finest_triangles(monkeypatch):
+def test_a_face_with_a_short_tangle_is_shown_with_triangles_of_a_least_size_alone(monkeypatch):
     from scan2nurbs.brep import viewed
 
     shown, curved, square = [], sheet(OUTER), polygon([(20, 0), (29, 0), (29, 9), (20, 9)])
-    monkeypatch.setattr(viewed, "_lost", lambda faces, deflection, *_: shown.append((sorted(faces), deflection)) or [])
-    # A loop as long as five of the fine deflections.
+    monkeypatch.setattr(viewed, "_lost", lambda faces, _deflection, _angle, least: shown.append((sorted(faces), least is not None)) or [])
+    # A loop that is longer than the fine deflections, and shorter than four of them.
     size = (rough_area(curved) + rough_area(square)) ** 0.5
     monkeypatch.setattr(viewed, "borders_cross", lambda _face, least: least < 0.005 * size)
     assert unseen([(curved,), (square,)], compound([curved, square])) == []
-    assert [faces for faces, _ in shown] == [[0, 1]] * 4 + [[1]]
-    assert shown[-1][1] == min(deflection for _, deflection in shown)
+    assert shown == [([0, 1], True)] * 2 + [([1], False)] * 3
 
 
 def test_a_tangled_face_is_not_asked_for_fine_triangles(monkeypatch):

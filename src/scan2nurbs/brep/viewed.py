@@ -19,10 +19,8 @@ _VIEWS = ((0.01, 0.5, False), (0.002, 0.1, False), (0.002, 0.5, True), (0.002, 0
 as small as the kernel likes, as viewers have it: then for surfaces without wrinkles only."""
 _LEAST = 5e-4
 """Least size of the other triangles, as such a share."""
-_LOOP = 4.0
-"""Loops between borders that cross, shorter than so many deflections, vanish between triangles."""
-_COMMON = 0.002
-"""The finest deflection of which a face with a longer loop is not shown at all."""
+_LOOP = 0.008
+"""Loops between borders that cross, shorter than such a share, four fine deflections, vanish between triangles of a least size."""
 
 Pieces = tuple[Any, ...]
 
@@ -48,18 +46,16 @@ def unseen(faces: Sequence[Pieces], shape: Any, wrinkled: Collection[int] = ()) 
     Notes
     -----
     Curved faces whose borders cross are not shown at all: the kernel may refine their triangles for ever. Those that cross in a loop so
-    short that it vanishes between all but the finest triangles are not asked for these.
+    short that it vanishes between triangles of a least size are not asked for others where it is longer than the deflection.
     A face that can be triangulated by itself may not be where it shares edges: each is divided so that it is fine enough for both faces.
     """
     every = dict(enumerate(faces))
     with kernel_errors("triangulate the part"):
         size = max(rough_area(shape), CONFUSION**2) ** 0.5
-        lost = _tangled(every, _LOOP * _COMMON * size)
+        lost = _tangled(every, _LOOP * size)
         for deflection, angle, small in _VIEWS:
             # What is lost in coarse triangles is not asked for fine ones, which may take the kernel minutes then.
-            spared = set(wrinkled) if small else set[int]()
-            if deflection < _COMMON:
-                spared |= _tangled(every, _LOOP * deflection * size)
+            spared = _tangled(every, deflection * size).union(wrinkled) if small else set[int]()
             shown = {f: pieces for f, pieces in every.items() if f not in lost | spared}
             lost.update(_lost(shown, deflection * size, angle, None if small else _LEAST * size) if shown else ())
         return sorted(lost)
