@@ -85,6 +85,10 @@ except SystemExit:
         out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
         assert out.strip() == "[]"
 
+    def test_python_dash_m_is_the_command_line_too(self):
+        out = subprocess.run([sys.executable, "-m", "scan2nurbs", "--version"], capture_output=True, text=True, check=True).stdout
+        assert re.fullmatch(r"scan2nurbs \d+\.\d+\.\d+\n", out)
+
     def test_version(self, capsys):
         assert run("--version") == 0
         assert re.fullmatch(r"scan2nurbs \d+\.\d+\.\d+\n", capsys.readouterr().out)

@@ -103,7 +103,7 @@ def test_a_face_that_is_not_seen_leaves_its_neighbours(monkeypatch):
     alone = [f for f, face in enumerate(part.faces) if face.trimmed == "alone"]
     assert len(alone) == 1
     assert alone[0] in (0, 2)
-    assert part.faces[alone[0]].area == min(part.faces[f].area for f in (0, 2))
+    assert part.areas[alone[0]] == min(part.areas[f] for f in (0, 2))
     assert any("would be lost where the part is shown" in note for note in part.notes)
 
 

@@ -121,13 +121,13 @@ def build_from_readings(
     to them, is closed without these, if it can be. Where holes in the data were to be filled, and the part is not closed all the same, a
     model that leaves them open is taken if it is the better one. Deterministic.
     """
-    read = partial(_read, points, label, fits, unrelated, scale=scale, params=params, progress=progress)
-    found = read(topology, topology_params)
+    reader = _Reader(points, label, tuple(fits), tuple(unrelated), scale, params, progress)
+    found = reader.read(topology, topology_params)
     if not topology_params.fill_holes or found.part.closed:
         return found
     as_they_are = replace(topology_params, fill_holes=False)
     try:
-        left_open = read(find_topology(points, label, fits, scale, as_they_are), as_they_are)
+        left_open = reader.read(find_topology(points, label, fits, scale, as_they_are), as_they_are)
     except NoResultError:
         return found
     if not left_open.betters(found):
@@ -135,63 +135,62 @@ def build_from_readings(
     return replace(left_open, part=replace(left_open.part, notes=(*left_open.part.notes, _LEFT_OPEN)))
 
 
-def _read(
-    points: NDArray[np.float64],
-    label: NDArray[np.int32],
-    fits: Sequence[ShapeFit],
-    unrelated: Sequence[ShapeFit],
-    topology: Topology,
-    topology_params: TopologyParams,
-    *,
-    scale: Scale,
-    params: ModelParams,
-    progress: Progress | None,
-) -> Reading:
-    """Return the best of the readings of a part, as `build_from_readings` tells."""
-    known = Known()
-    best = last = Reading(build_part(points, fits, topology, scale, params, progress, known=known), topology, tuple(fits))
-    related = frozenset(f for f, fit in enumerate(fits) if fit is not unrelated[f])
-    if not best.fits_together:
-        params = replace(params, bearable=_WIDER * params.bearable)
-        last = replace(best, part=build_part(points, fits, topology, scale, params, progress, known=known, other_way=True))
-        best = last if last.betters(best) else best
-    for turn in range(1, READINGS):
-        if best.fits_together or len(best.misfits) > _SOME:
-            break
-        released = (last.released | _around(last)) & related if turn < READINGS - 1 else related
-        use = tuple(unrelated[f] if f in released else fit for f, fit in enumerate(fits))
-        try:
-            again = find_topology(points, label, use, scale, topology_params, reading=turn)
-            # Triangles are what some faces fail for. Bent surfaces are not asked for fine ones: that may take minutes.
-            fine = all(face.trimmed != "bent" for face in last.part.faces)
-            part = build_part(points, use, again, scale, params, progress, fine=fine, other_way=turn % 2 == 1)
-            last = Reading(part, again, use, released)
-        except NoResultError:
-            continue
-        best = last if last.betters(best) else best
-    return best if best.fits_together or len(best.misfits) > _SOME else _dissolved(best, points, label, scale, topology_params, params)
+@dataclass(frozen=True)
+class _Reader:
+    """What all readings of a part have in common; the fields are the parameters of `build_from_readings`."""
 
+    points: NDArray[np.float64]
+    label: NDArray[np.int32]
+    fits: tuple[ShapeFit, ...]
+    unrelated: tuple[ShapeFit, ...]
+    scale: Scale
+    params: ModelParams
+    progress: Progress | None
 
-def _dissolved(
-    best: Reading, points: NDArray[np.float64], label: NDArray[np.int32], scale: Scale, topology_params: TopologyParams, params: ModelParams
-) -> Reading:
-    """Return a model without small faces that fit nowhere, if that closes it; else the best one that there was."""
-    last, gone, off = best, frozenset[int](), 0.0
-    shapes = [fit.shape for fit in best.fits]
-    for _ in range(_GIVEN_UP):
-        given = dissolve(points, label, shapes, last.topology, last.misfits, params.reach * scale.h + 3.0 * scale.noise)
-        if given is None:
-            break
-        label, gone, off = given.label, gone.union(given.faces), max(off, given.off)
-        try:
-            topology = find_topology(points, label, best.fits, scale, topology_params)
-            part = build_part(points, best.fits, topology, scale, params)
-        except NoResultError:
-            break
-        last = Reading(part, topology, best.fits, best.released, Dissolved(label, tuple(sorted(gone)), off))
-        if last.fits_together and last.betters(best):
-            return last
-    return best
+    def read(self, topology: Topology, topology_params: TopologyParams) -> Reading:
+        """Return the best of the readings of a part, as `build_from_readings` tells."""
+        params, known = self.params, Known()
+        build = partial(build_part, self.points, scale=self.scale, progress=self.progress)
+        best = last = Reading(build(self.fits, topology, params=params, known=known), topology, self.fits)
+        related = frozenset(f for f, fit in enumerate(self.fits) if fit is not self.unrelated[f])
+        if not best.fits_together:
+            params = replace(params, bearable=_WIDER * params.bearable)
+            last = replace(best, part=build(self.fits, topology, params=params, known=known, other_way=True))
+            best = last if last.betters(best) else best
+        for turn in range(1, READINGS):
+            if best.fits_together or len(best.misfits) > _SOME:
+                break
+            released = (last.released | _around(last)) & related if turn < READINGS - 1 else related
+            use = tuple(self.unrelated[f] if f in released else fit for f, fit in enumerate(self.fits))
+            try:
+                again = find_topology(self.points, self.label, use, self.scale, topology_params, reading=turn)
+                # Triangles are what some faces fail for. Bent surfaces are not asked for fine ones: that may take minutes.
+                fine = all(face.trimmed != "bent" for face in last.part.faces)
+                last = Reading(build(use, again, params=params, fine=fine, other_way=turn % 2 == 1), again, use, released)
+            except NoResultError:
+                continue
+            best = last if last.betters(best) else best
+        return best if best.fits_together or len(best.misfits) > _SOME else self._dissolved(best, topology_params, params)
+
+    def _dissolved(self, best: Reading, topology_params: TopologyParams, params: ModelParams) -> Reading:
+        """Return a model without small faces that fit nowhere, if that closes it; else the best one that there was."""
+        label, last, gone, off = self.label, best, frozenset[int](), 0.0
+        shapes = [fit.shape for fit in best.fits]
+        for _ in range(_GIVEN_UP):
+            reach = params.reach * self.scale.h + 3.0 * self.scale.noise
+            given = dissolve(self.points, label, shapes, last.topology, last.misfits, reach)
+            if given is None:
+                break
+            label, gone, off = given.label, gone.union(given.faces), max(off, given.off)
+            try:
+                topology = find_topology(self.points, label, best.fits, self.scale, topology_params)
+                part = build_part(self.points, best.fits, topology, self.scale, params)
+            except NoResultError:
+                break
+            last = Reading(part, topology, best.fits, best.released, Dissolved(label, tuple(sorted(gone)), off))
+            if last.fits_together and last.betters(best):
+                return last
+        return best
 
 
 def without_dissolved(parted: Parted, reading: Reading) -> Parted:

@@ -74,7 +74,7 @@ def face_records(parted: Parted, fits: tuple[ShapeFit, ...], deviation: NDArray[
                 "max": float(off.max()) if len(off) else None,
                 "n_control_points": _n_control_points(fit),
                 "tolerance": fit.tolerance,
-                "area": None if part is None or k >= len(part.faces) else part.faces[k].area,
+                "area": None if part is None or k >= len(part.faces) else part.areas[k],
                 "trimmed": None if part is None else part.faces[k].trimmed if k < len(part.faces) else "lost",
                 "shape": shape,
                 "uncertainty": fit.uncertainty,

@@ -76,8 +76,6 @@ class PartFace:
         Of its surface.
     shapes : tuple of TopoDS_Face
         Usually one; several where the face consists of pieces that do not touch; none where it was lost.
-    area : float
-        In the unit of the cloud, squared.
     trimmed : {"shared", "followed", "bent", "alone", "lost"}
         By edges shared with its neighbours; by shared edges that follow the borders' points, or that its surface was bent to; by its own
         outline; not at all.
@@ -86,7 +84,6 @@ class PartFace:
     number: int
     kind: str
     shapes: tuple[Any, ...] = field(repr=False)
-    area: float
     trimmed: str
 
 
@@ -164,9 +161,14 @@ class PartModel:
         return sum(face.trimmed in ("alone", "lost") for face in self.faces)
 
     @cached_property
+    def areas(self) -> tuple[float, ...]:
+        """The area of each face, in the cloud's unit squared; found when it is asked for, since it takes long where surfaces are bent."""
+        return tuple(sum(map(area, face.shapes)) / self.kernel_scale**2 for face in self.faces)
+
+    @property
     def area(self) -> float:
-        """The area, in the cloud's unit squared; found when it is asked for, since it takes long where surfaces are bent."""
-        return area(self.shape) / self.kernel_scale**2
+        """The area of all faces, in the cloud's unit squared."""
+        return sum(self.areas)
 
     @cached_property
     def volume(self) -> float:
@@ -316,9 +318,7 @@ def _model(
     model = PartModel(
         shape=whole.shape,
         kernel_scale=factor,
-        faces=tuple(
-            PartFace(int(topology.source[f]), shapes[f].kind, pieces, _size(pieces, factor), how[f]) for f, pieces in enumerate(faces)
-        ),
+        faces=tuple(PartFace(int(topology.source[f]), shapes[f].kind, pieces, how[f]) for f, pieces in enumerate(faces)),
         edges=tuple(_edge(curve) for curve in trimmed.made.curves),
         valid=found.valid,
         closed=found.closed and whole.joined,

@@ -143,7 +143,7 @@ def _solids(shells: Sequence[Any]) -> list[Any]:
     from OCP.BRep import BRep_Builder
     from OCP.TopoDS import TopoDS, TopoDS_Solid
 
-    volumes = [volume(shell, 1e-5) for shell in shells]
+    volumes = [volume(shell) for shell in shells]
     outer = [k for k, v in enumerate(volumes) if v > 0]
     inner: dict[int, list[int]] = {k: [] for k in outer}
     for k in (k for k, v in enumerate(volumes) if v <= 0):

@@ -6,13 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from scan2nurbs.faces.model_shapes import signed_distances
 from scan2nurbs.kernels.growth import DISTANCE_CAP, NONE_COST
 from scan2nurbs.kernels.labelling import candidate_costs, choose_labels, nearby_labels
 from scan2nurbs.kernels.offers import fill_candidates, offer_models
+from scan2nurbs.kernels.pieces import label_pieces
 from scan2nurbs.kernels.primitives import FREEDOM
 from scan2nurbs.kernels.proposals import NOTICEABLE
 from scan2nurbs.kernels.refits import criterion, refit_all, refit_amid
@@ -191,23 +190,10 @@ def split_pieces(
     Points that are neighbours are connected; where labels may be strips too narrow for that, all that have a neighbour in common are.
     Outliers have only each other for neighbours, but farther away than any gap between points of a face.
     """
-    n, k = sheet.neighbours.shape
-    j = sheet.neighbours.ravel()
-    i = np.repeat(np.arange(n), k)
-    if strips:
-        by_label = np.argsort(label[sheet.neighbours], axis=1, kind="stable")
-        near = np.take_along_axis(sheet.neighbours, by_label, axis=1)
-        i, j = np.concatenate([i, near[:, :-1].ravel()]), np.concatenate([j, near[:, 1:].ravel()])
-    same = np.flatnonzero((j >= 0) & (label[i] == label[j]) & (label[i] >= 0))
-    i, j = i[same], j[same]
-    near = np.linalg.norm(sheet.points[i] - sheet.points[j], axis=1) < LONGEST
-    i, j = i[near], j[near]
-    graph = coo_array((np.ones(len(i), np.int8), (i, j)), shape=(n, n))
-    _, piece = connected_components(graph, directed=False)
-    size = np.bincount(piece)
-    good = (label >= 0) & (size[piece] >= least)
+    piece = label_pieces(sheet.points, label, sheet.neighbours, LONGEST, strips=strips)
+    good = (label >= 0) & (np.bincount(piece)[piece] >= least)
     kept, first, compact = np.unique(piece[good], return_index=True, return_inverse=True)
-    out = np.full(n, -1, np.int32)
+    out = np.full(len(label), -1, np.int32)
     out[good] = compact
     return out, models[label[good][first]].copy() if len(kept) else models[:0]
 

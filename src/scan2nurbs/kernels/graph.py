@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from scan2nurbs.kernels.pieces import root_of
 from scan2nurbs.kernels.runner import kernel
 
 
@@ -49,14 +50,6 @@ def basins(
 
 
 @kernel
-def _root(parent, i):
-    while parent[i] != i:
-        parent[i] = parent[parent[i]]
-        i = parent[i]
-    return i
-
-
-@kernel
 def _flood(order, neighbours, linked, height, keep, least_depth, parent):
     """Let each point join the basin of its nearest visited neighbour; the root of a basin is its peak."""
     for i in order:
@@ -67,7 +60,7 @@ def _flood(order, neighbours, linked, height, keep, least_depth, parent):
             j = neighbours[i, k]
             if j < 0 or not linked[i, k] or parent[j] < 0:
                 continue
-            root = _root(parent, j)
+            root = root_of(parent, j)
             if own < 0:
                 own = root
             if highest < 0 or height[root] > height[highest] or (height[root] == height[highest] and root < highest):
@@ -80,7 +73,7 @@ def _flood(order, neighbours, linked, height, keep, least_depth, parent):
             j = neighbours[i, k]
             if j < 0 or not linked[i, k] or parent[j] < 0:
                 continue
-            root = _root(parent, j)
+            root = root_of(parent, j)
             if root != highest and height[root] - height[i] < least_depth:
                 parent[root] = highest
 
@@ -90,7 +83,7 @@ def _number(order, parent, labels):
     n = 0
     for i in order:
         if parent[i] >= 0:
-            root = _root(parent, i)
+            root = root_of(parent, i)
             if labels[root] < 0:
                 labels[root] = n
                 n += 1

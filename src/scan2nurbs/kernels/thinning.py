@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scan2nurbs.kernels.cells import Cells, runs_in_box
+from scan2nurbs.kernels.pieces import root_of
 from scan2nurbs.kernels.runner import kernel, run_ranges
 
 QUERIES_PER_RANGE = 1024
@@ -118,14 +119,6 @@ def _centroid_cover(cells, pops, radius, centroids, taken_by):
 
 
 @kernel
-def _root(parent, i):
-    while parent[i] != i:
-        parent[i] = parent[parent[i]]
-        i = parent[i]
-    return i
-
-
-@kernel
 def _join_groups(cells, gap, parent):
     points = cells.points
     low, high = np.empty(3), np.empty(3)
@@ -135,10 +128,10 @@ def _join_groups(cells, gap, parent):
         for k in range(3):
             low[k], high[k] = points[i, k] - gap, points[i, k] + gap
         runs, n_runs, _ = runs_in_box(cells, low, high, runs)
-        a = _root(parent, i)
+        a = root_of(parent, i)
         for r in range(n_runs):
             for j in range(runs[r, 0], min(runs[r, 1], i)):
-                b = _root(parent, j)
+                b = root_of(parent, j)
                 if a == b:
                     continue
                 dx, dy, dz = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
@@ -147,4 +140,4 @@ def _join_groups(cells, gap, parent):
                     a, b = min(a, b), max(a, b)
                     parent[b] = a
     for i in range(len(points)):
-        parent[i] = _root(parent, i)
+        parent[i] = root_of(parent, i)
