@@ -12,7 +12,7 @@ from scan2nurbs.kernels.pieces import label_pieces
 
 def pieces_of_scipy(points, label, neighbours, longest, strips):
     """List all links, and let SciPy find what hangs together."""
-    n, k = neighbours.shape
+    n = len(neighbours)
     links = [(i, j) for i in range(n) for j in neighbours[i]]
     if strips:
         links += [(a, b) for row in neighbours for a in row for b in row]

@@ -106,8 +106,8 @@ def test_there_are_so_many_readings_and_no_more(monkeypatch):
     one_apart = replace(whole, closed=False, n_free_edges=3, faces=(replace(whole.faces[0], trimmed="alone"), *whole.faces[1:]))
     counted = []
 
-    def build(*given, known=None, fine=False, other_way=False):
-        counted.append((given[4].bearable, fine, other_way))
+    def build(*_, params, fine=False, other_way=False, **__):
+        counted.append((params.bearable, fine, other_way))
         return one_apart
 
     monkeypatch.setattr(part_readings, "build_part", build)
@@ -120,7 +120,7 @@ def test_wide_tolerances_are_taken_where_narrow_ones_leave_a_part_open(monkeypat
     points, label, fits, scale = scanned_box()
     whole = build_part(points, fits, find_topology(points, label, fits, scale), scale)
     one_apart = replace(whole, closed=False, n_free_edges=3, faces=(replace(whole.faces[0], trimmed="alone"), *whole.faces[1:]))
-    monkeypatch.setattr(part_readings, "build_part", lambda *given, **_: whole if given[4].bearable > 0.5 else one_apart)
+    monkeypatch.setattr(part_readings, "build_part", lambda *_, params, **__: whole if params.bearable > 0.5 else one_apart)
     found = read(points, label, fits, fits, scale)
     assert found.part.closed
     assert found.released == frozenset()

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from scan2nurbs.errors import NoResultError, ParameterError
 from scan2nurbs.faces.double import part_double_edges
-from scan2nurbs.faces.sheet import Sheet, drop_triangles, is_pinhole, span_sheet
+from scan2nurbs.faces.gaps import is_pinhole
+from scan2nurbs.faces.sheet import Sheet, drop_triangles, span_sheet
 from scan2nurbs.faces.topology import TopologyParams, _bubbles, find_topology
 from scan2nurbs.scale import measure_scale
 from scan2nurbs.surfaces.cylinder import Cylinder

@@ -134,7 +134,9 @@ def without_faces(border: Border, faces: Collection[int], known: Known) -> Borde
 def _guide(border: Border, shapes: Sequence[Shape], h: float, caution: int) -> _Guide:
     closed = border.vertices[0] < 0
     meeting = Meeting(tuple(shapes[f] for f in border.faces if f >= 0) or (Loose(),), h)
-    points = _even(_smoothed(np.asarray(border.points, np.float64), closed), h)
+    # A rim has its corners where its points are, however far apart; smoothed from one to the next they would be cut off.
+    given = _even(border.points, h) if min(border.faces) < 0 else border.points
+    points = _even(_smoothed(given, closed), h)
     along = _directions(points, closed)
     drawn, how = meeting.draw(points, along) if not caution else (points, np.zeros(len(points), np.int8))
     inner = how if closed or len(how) < 4 else how[1:-1]

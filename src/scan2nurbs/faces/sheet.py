@@ -12,8 +12,6 @@ from scipy.spatial import Delaunay, QhullError
 
 from scan2nurbs.errors import NoResultError
 from scan2nurbs.faces.cut import decide_sides
-from scan2nurbs.kernels.cells import Cells
-from scan2nurbs.kernels.nearest import nearest_to
 from scan2nurbs.kernels.tetrahedra import between, sides
 from scan2nurbs.surfaces.shape import Floats
 
@@ -133,65 +131,6 @@ def _split(source: NDArray[np.int32], triangles: NDArray[np.int32], twin: NDArra
     rank = np.empty(n, np.int32)
     rank[order] = np.arange(n, dtype=np.int32)
     return Sheet(origin[order], rank[fan].reshape(-1, 3), twin)
-
-
-def is_covered(sheet: Sheet, points: Floats, spacing: Floats, cells: Cells, reach: float) -> NDArray[np.bool_]:
-    """Tell which triangles span no gap in the data.
-
-    Parameters
-    ----------
-    sheet : Sheet
-        The triangles.
-    points : (N, 3) float64
-        The points that its vertices come from.
-    spacing : (N,) float64
-        Local spacing at them.
-    cells : Cells
-        All points of the scan, also those that have no face.
-    reach : float
-        Most distance from a place of a triangle to the nearest point of the scan, in local spacings.
-    """
-    corners = sheet.source[sheet.triangles]
-    p = points[corners]
-    size = spacing[corners].mean(axis=1) * reach
-    longest = np.linalg.norm(p - np.roll(p, 1, axis=1), axis=2).max(axis=1)
-    covered = np.ones(len(corners), bool)
-    # No place of a triangle is farther from its corners than the longest edge over the root of three.
-    wide = np.flatnonzero(longest > np.sqrt(3.0) * size)
-    if len(wide):
-        p = p[wide]
-        places = np.stack([p.mean(axis=1), *(0.5 * (p[:, k] + p[:, (k + 1) % 3]) for k in range(3))], axis=1)
-        distance = nearest_to(cells, np.ascontiguousarray(places.reshape(-1, 3)), 1)[1].reshape(-1, 4)
-        covered[wide] = (distance <= size[wide, None]).all(axis=1)
-    return covered
-
-
-def is_pinhole(sheet: Sheet, points: Floats, label: NDArray[np.int32], covered: NDArray[np.bool_], most: float) -> NDArray[np.bool_]:
-    """Tell which triangles lie in small gaps within a single face, or in a quarter of such a gap anywhere.
-
-    Parameters
-    ----------
-    sheet : Sheet
-        The triangles.
-    points : (N, 3) float64
-        The points that its vertices come from.
-    label : (N,) int32
-        Their faces.
-    covered : (M,) bool
-        Triangles that lie in no gap.
-    most : float
-        Largest area of such a gap.
-    """
-    n, gap = components(drop_triangles(sheet, ~covered))
-    corners = sheet.source[sheet.triangles[~covered]]
-    area = np.bincount(gap, triangle_areas(points, corners), minlength=n)
-    low, high = np.full(n, np.iinfo(np.int32).max), np.full(n, -1)
-    for k in range(3):
-        np.minimum.at(low, gap, label[corners[:, k]])
-        np.maximum.at(high, gap, label[corners[:, k]])
-    out = np.zeros(len(covered), bool)
-    out[~covered] = (area < np.where(low == high, most, 0.25 * most))[gap]
-    return out
 
 
 def peel(sheet: Sheet, points: Floats, normals: Floats) -> Sheet:

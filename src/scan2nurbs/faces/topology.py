@@ -14,12 +14,13 @@ from scan2nurbs.faces.bridge import bridge
 from scan2nurbs.faces.complex import Border, LabelledMesh, Loop, Topology
 from scan2nurbs.faces.double import part_double_edges
 from scan2nurbs.faces.draw import draw
+from scan2nurbs.faces.gaps import is_covered, is_pinhole, to_the_rim
 from scan2nurbs.faces.merge import merge_vertices
 from scan2nurbs.faces.orient import find_patches, outward_signs
 from scan2nurbs.faces.pinholes import close_pinholes
 from scan2nurbs.faces.regions import find_regions
 from scan2nurbs.faces.relabel import Samples, take_samples
-from scan2nurbs.faces.sheet import Sheet, components, drop_triangles, is_covered, is_pinhole, peel, span_sheet, triangle_areas
+from scan2nurbs.faces.sheet import Sheet, components, drop_triangles, peel, span_sheet, triangle_areas
 from scan2nurbs.faces.split import split_mesh
 from scan2nurbs.faces.trace import Closed, Traced, cap_holes, genera, trace
 from scan2nurbs.kernels.runner import Progress
@@ -143,6 +144,7 @@ def _trim(sheet: Sheet, points: Floats, outward: Floats, samples: Samples, scale
     """Open the surface where there is no data, and drop pieces too small to be a part."""
     if not params.fill_holes:
         covered = is_covered(sheet, points, samples.spacing, scale.cells, params.reach)
+        covered = to_the_rim(sheet, points, samples.spacing, covered, params.reach)
         sheet = drop_triangles(sheet, covered | is_pinhole(sheet, points, samples.label, covered, PINHOLE * samples.h**2))
         # A quarter of the area within a face counts as chance anywhere, too: so does a hole with the circumference of such a circle.
         sheet = close_pinholes(peel(sheet, points, outward), points, np.sqrt(np.pi * PINHOLE) * samples.h)
