@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from scan2nurbs.part_readings import Reading, build_from_readings, without_disso
 from scan2nurbs.scale import measure_scale
 from scan2nurbs.surfaces.plane import Plane
 from scan2nurbs.surfaces.relations import Related, Relation
+from scan2nurbs.surfaces.shape_fit import fit_shape
 from test_topology import Fit, box, noisy
 
 SIZE = (30.0, 24.0, 18.0)
@@ -88,7 +90,7 @@ def test_what_was_given_up_is_said_and_no_longer_there(monkeypatch):
     cloud = as_cloud(points)
     scale = measure_scale(cloud.points)
     faces = Faces(label, fits, frozenset({(1, 5), (1, STRIP)}))  # type: ignore[arg-type] - planes are all that is asked of fits
-    parted = Parted(cloud, scale, detect(cloud.points, scale, EdgeParams()), faces, np.arange(7, dtype=np.int32))
+    parted = Parted(cloud, scale, detect(cloud.points, scale, EdgeParams()), faces, np.arange(7, dtype=np.int32), 7)
     given = without_dissolved(parted, found)
     assert f"plane_{STRIP} was given up" in given.faces.notes[-1]
     left = by_topology(given, found.topology)
@@ -98,6 +100,22 @@ def test_what_was_given_up_is_said_and_no_longer_there(monkeypatch):
     assert np.bincount(left.faces.label, minlength=6).min() > 0
     untouched = Reading(found.part, found.topology, found.fits)
     assert without_dissolved(parted, untouched) is parted
+
+
+def test_a_piece_of_a_face_gets_a_number_that_no_face_had_and_says_whose_piece_it_is():
+    points = np.array([[x + apart, y, 0.0] for apart in (0.0, 20.0) for x in range(8) for y in range(8 - int(apart > 0))])
+    cloud, triangles = as_cloud(points), np.array([[0, 1, 8], [64, 65, 71]])
+    fit = fit_shape("plane", cloud.points, noise=0.1)
+    faces = Faces(np.zeros(len(points), np.int32), (fit,), frozenset())
+    parted = Parted(cloud, measure_scale(cloud.points), None, faces, np.array([4], np.int32), 7)  # type: ignore[arg-type] - edges are not asked
+    mesh = SimpleNamespace(vertices=cloud.points, triangles=triangles, face=np.array([1, 0]))
+    topology = SimpleNamespace(source=np.array([0, 0]), areas=np.array([42.0, 49.0]), mesh=mesh)
+    found = by_topology(parted, topology)  # type: ignore[arg-type] - what is asked of a topology
+    assert found.numbers.tolist() == [7, 4]
+    assert found.free == 8
+    assert np.bincount(found.faces.label).tolist() == [56, 64]
+    assert [*found.faces.fits[0].notes[len(fit.notes) :]] == ["A piece of face 4: corrections know it by that number."]
+    assert found.faces.fits[1].notes == fit.notes
 
 
 def test_relations_of_a_face_that_was_given_up_are_not_listed(monkeypatch):

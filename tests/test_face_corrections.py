@@ -41,6 +41,8 @@ def test_a_number_never_passes_to_another_face(tmp_path):
     result = done(tmp_path, steps)
     assert result.label.tolist() == [0, 0, 0, 1, 1, 4, 2, 2, 2, -1, -1, -1]
     assert result.forced == {2: "cylinder"}
+    assert result.free == 5
+    assert done(tmp_path, [{"split": SPLIT}, {"merge": [1, 4]}, {"delete": 3}]).free == 5
 
 
 def test_a_tolerance_goes_with_its_number(tmp_path):

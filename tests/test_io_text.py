@@ -66,6 +66,7 @@ def test_text_with_something_before_the_rows(before, read):
         ("Points:2,Points_Magnitude,Points:0,Points:1", None),
         ("elevation,name,easting,northing", None),
         ('"Z(in)","id","X(in)","Y(in)"', "in"),
+        ("z [m],id,x,y", "m"),
     ],
 )
 def test_text_takes_the_columns_that_the_header_names(header, unit, read):
@@ -93,6 +94,20 @@ def test_text_keeps_rows_that_are_no_point(read):
 def test_text_with_missing_values_and_trailing_separators(read):
     points = read(b"x;y;z;i;\n1;2;3;4;\n5;;6;7;\n7;8;9;;\n", ".csv").points
     assert np.array_equal(points, [[1, 2, 3], [np.nan] * 3, [7, 8, 9]], equal_nan=True)
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [b"1,2,3,\n5,6,7,8\n", b"1,2,3,4\n5,6,7,\n", b"1,2,3,\n5,6,7,\n", b"1,2,3,,\n5,6,7,8,\n"],
+    ids=["first", "last", "all", "closed"],
+)
+def test_text_whose_last_column_is_empty_in_some_rows(rows, read):
+    assert read(b"x,y,z,i\n" + rows, ".csv").points.tolist() == [[1, 2, 3], [5, 6, 7]]
+
+
+def test_text_whose_first_row_is_empty(read):
+    points = read(b"x,y,z\n,,\n1,2,3\n4,5,6\n", ".csv").points
+    assert np.array_equal(points, [[np.nan] * 3, [1, 2, 3], [4, 5, 6]], equal_nan=True)
 
 
 def test_text_in_utf_16(read):
@@ -294,6 +309,7 @@ def test_short_texts_do_not_wait_for_the_reader_of_long_ones(tmp_path):
         ('"x","y","z"\n"2,7392","-4,6043","9,18"\n"2,5","4,5","1,5"\n', "commas within quotes"),
         ("id x y z\n0 1.2 3.4 5.6 17\n1 1.3 3.4 5.6 17\n", r"names 4 columns, the rows below it have 5"),
         ("x,y,z\n0.5,1.2,3.4,5.6\n1.5,1.3,3.4,5.6\n", r"names 3 columns, the rows below it have 4"),
+        ("x [mm],y [mm],z [m]\n0.5,1.2,3.4\n1.5,1.3,3.4\n", r"different units: x \[mm\], y \[mm\], z \[m\]"),
     ],
 )
 def test_what_a_header_or_quotes_say_is_not_passed_over(tmp_path, text, said):

@@ -90,6 +90,21 @@ def test_edges_run_out_into_the_rim_of_an_open_scan(seed, fill_holes):
     assert any("left open" in note for note in found.part.notes) == fill_holes
 
 
+@pytest.mark.parametrize("radius", [2.0, 5.0])
+def test_a_hole_in_the_data_is_as_large_as_it_is(radius):
+    rng = np.random.default_rng(3)
+    points = np.column_stack([rng.uniform(0.0, 30.0, (6000, 2)), np.zeros(6000)])
+    points = noisy(points[np.hypot(points[:, 0] - 15.0, points[:, 1] - 15.0) > radius], rng, 0.03)
+    label, fits = np.zeros(len(points), np.int32), (Fit(Plane(np.zeros(3), np.array([0.0, 0.0, 1.0]))),)
+    scale = measure_scale(points)
+    part = read(points, label, fits, fits, scale).part
+    rim, hole = sorted((edge.length for edge in part.edges), reverse=True)
+    assert 0.0 < hole / (2.0 * np.pi) - radius < 0.5 * scale.h
+    assert 120.0 - 12.0 * scale.h < rim < 120.0
+    assert part.area == pytest.approx(900.0 - np.pi * radius**2, rel=0.01)
+    assert min(part.coverage, part.precision) > 0.999
+
+
 def test_what_fits_is_read_once(monkeypatch):
     points, label, fits, scale = scanned_box()
     counted = []

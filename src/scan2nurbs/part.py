@@ -243,7 +243,7 @@ def part_scan(
         edges = do("boundary", params.boundary, lambda: corrected_edges(cloud, edges, params.boundary))
     tell = _stage(progress, "finding faces")
     faces = do("faces", params.segment, lambda: segment_points(cloud.points, scale, edges, params.segment, tell))
-    parted = Parted(cloud, scale, edges, faces, np.arange(len(faces.fits), dtype=np.int32))
+    parted = Parted(cloud, scale, edges, faces, np.arange(len(faces.fits), dtype=np.int32), len(faces.fits))
     corrections = params.corrections
     if corrections is not None:
         found = replace(parted, edges=detected)  # what is kept of it does not follow from which points were marked by hand

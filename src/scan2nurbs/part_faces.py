@@ -39,6 +39,8 @@ class Parted:
         The face of each of the cloud's points, and the faces' surfaces.
     numbers : (F,) int32
         The number by which each face goes in files and reports; 0, 1, 2, … unless corrections removed some.
+    free : int
+        The first number that no face ever had.
     """
 
     cloud: PointCloud
@@ -46,6 +48,7 @@ class Parted:
     edges: Edges
     faces: Faces
     numbers: NDArray[np.int32]
+    free: int
 
     @property
     def label(self) -> NDArray[np.int32]:
@@ -111,7 +114,8 @@ def corrected(parted: Parted, corrections: FaceCorrections, kinds: Sequence[Kind
         fits.append(_fitted(parted, done, number, kinds) if anew else faces.fits[number])
     index = {number: k for k, number in enumerate(numbers.tolist())}
     smooth = frozenset((index[i], index[j]) for i, j in faces.smooth if i in index and j in index)
-    return replace(parted, faces=replace(faces, label=label, fits=tuple(fits), smooth=smooth), numbers=numbers.astype(np.int32))
+    done_faces = replace(faces, label=label, fits=tuple(fits), smooth=smooth)
+    return replace(parted, faces=done_faces, numbers=numbers.astype(np.int32), free=done.free)
 
 
 def _fitted(parted: Parted, done: Numbered, number: int, kinds: Sequence[Kind]) -> ShapeFit:
@@ -129,8 +133,8 @@ def _fitted(parted: Parted, done: Numbered, number: int, kinds: Sequence[Kind]) 
 def by_topology(parted: Parted, topology: Topology) -> Parted:
     """Put the faces into the order of the topology, which may have parted some and lost some.
 
-    Of a face that fell apart the largest piece keeps the number, the others get the next free ones; its points go to the nearest piece.
-    Faces that have no points are left out.
+    Of a face that fell apart the largest piece keeps the number, by which corrections know them all; the others get numbers that no face
+    ever had, and a note. Its points go to the nearest piece. Faces that have no points are left out.
     """
     cloud, faces = parted.cloud, parted.faces
     source = topology.source
@@ -141,13 +145,14 @@ def by_topology(parted: Parted, topology: Topology) -> Parted:
     label[lost] = len(source) + np.arange(len(lost))
     label[source] = np.arange(len(source))
     label = label[faces.label]
-    following = int(parted.numbers.max(initial=-1)) + 1
+    free, pieces_of = parted.free, dict[int, int]()
     corners = topology.mesh.vertices[topology.mesh.triangles].mean(axis=1)
     for whole in np.flatnonzero(np.bincount(source) > 1).tolist():
         pieces = np.flatnonzero(source == whole)
         pieces = pieces[np.argsort(-area[pieces], kind="stable")]
-        numbers[pieces[1:]] = following + np.arange(len(pieces) - 1)
-        following += len(pieces) - 1
+        numbers[pieces[1:]] = free + np.arange(len(pieces) - 1)
+        free += len(pieces) - 1
+        pieces_of.update(dict.fromkeys(pieces[1:].tolist(), int(numbers[pieces[0]])))
         triangles = np.flatnonzero(np.isin(topology.mesh.face, pieces))
         own = np.flatnonzero(faces.label == whole)
         _, nearest = KDTree(corners[triangles]).query(cloud.points[own])
@@ -155,8 +160,13 @@ def by_topology(parted: Parted, topology: Topology) -> Parted:
     order = np.append(source, lost).tolist()
     place = {k: new for new, k in reversed(list(enumerate(order)))}
     smooth = frozenset((min(place[i], place[j]), max(place[i], place[j])) for i, j in faces.smooth if i in place and j in place)
-    fits = tuple(faces.fits[k] for k in order)
-    return replace(parted, faces=replace(faces, label=label, fits=fits, smooth=smooth), numbers=numbers)
+    fits = tuple(_as_piece(faces.fits[k], pieces_of.get(new)) for new, k in enumerate(order))
+    return replace(parted, faces=replace(faces, label=label, fits=fits, smooth=smooth), numbers=numbers, free=free)
+
+
+def _as_piece(fit: ShapeFit, whole: int | None) -> ShapeFit:
+    """Note whose piece a face is, if it is one."""
+    return fit if whole is None else replace(fit, notes=(*fit.notes, f"A piece of face {whole}: corrections know it by that number."))
 
 
 def deviations(

@@ -21,6 +21,7 @@ Floats = NDArray[np.float64]
 MODES = ("middle", "contact", "crossing")
 
 _MOST = 400
+_FAR = 2.0
 _SIMPLE = (0.1, 0.03, 2e-3)
 _STRAY = (0.02, 0.02, 2e-3)
 _PRIOR = (0.02, 0.3, 1.0)
@@ -134,9 +135,7 @@ def without_faces(border: Border, faces: Collection[int], known: Known) -> Borde
 def _guide(border: Border, shapes: Sequence[Shape], h: float, caution: int) -> _Guide:
     closed = border.vertices[0] < 0
     meeting = Meeting(tuple(shapes[f] for f in border.faces if f >= 0) or (Loose(),), h)
-    # A rim has its corners where its points are, however far apart; smoothed from one to the next they would be cut off.
-    given = _even(border.points, h) if min(border.faces) < 0 else border.points
-    points = _even(_smoothed(given, closed), h)
+    points = _even(_smoothed(_filled(np.asarray(border.points, np.float64), h), closed), h)
     along = _directions(points, closed)
     drawn, how = meeting.draw(points, along) if not caution else (points, np.zeros(len(points), np.int8))
     inner = how if closed or len(how) < 4 else how[1:-1]
@@ -151,6 +150,14 @@ def _guide(border: Border, shapes: Sequence[Shape], h: float, caution: int) -> _
     drawn = _ordered(drawn[kept], along[kept], closed, h)
     spacing = float(np.median(np.linalg.norm(np.diff(drawn, axis=0), axis=1))) if len(drawn) > 1 else h
     return _Guide(meeting, drawn, _directions(drawn, closed), mode, spacing, caution)
+
+
+def _filled(points: Floats, h: float) -> Floats:
+    """Return the points, and evenly spaced ones where two lie far apart, as on rims of holes: smoothing would draw these together."""
+    step = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    count = np.where(step > _FAR * h, np.ceil(step / h), 1.0).astype(int)
+    at = np.concatenate([[0.0], np.repeat(np.arange(len(step)), count) + np.concatenate([np.arange(1, n + 1) / n for n in count])])
+    return np.column_stack([np.interp(at, np.arange(len(points)), points[:, k]) for k in range(3)])
 
 
 def _smoothed(points: Floats, closed: bool) -> Floats:

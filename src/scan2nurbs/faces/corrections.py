@@ -85,12 +85,15 @@ class Numbered:
         Kinds that were asked for.
     tolerances : dict of int to float
         Tolerances that were asked for.
+    free : int
+        The first number that no face ever had.
     """
 
     label: NDArray[np.int32]
     changed: frozenset[int]
     forced: dict[int, Kind]
     tolerances: dict[int, float]
+    free: int
 
 
 def apply_face_corrections(label: NDArray[np.int32], corrections: FaceCorrections, selected: Selector) -> Numbered:
@@ -117,7 +120,7 @@ def apply_face_corrections(label: NDArray[np.int32], corrections: FaceCorrection
     present = {int(face) for face in np.unique(work.label)} - {-1}
     forced: dict[int, Kind] = {face: kind for face, kind in work.forced.items() if face in present}
     tolerances = {face: value for face, value in work.tolerances.items() if face in present}
-    return Numbered(work.label, frozenset(work.changed & present), forced, tolerances)
+    return Numbered(work.label, frozenset(work.changed & present), forced, tolerances, work.free)
 
 
 class _Work:

@@ -60,8 +60,7 @@ def read_text(source: Source) -> Scan:
     separator, decimal_comma = _guess_separator(head.sample)
     if separator == b"," and any(_COMMA_IN_QUOTES.search(body) for body in head.sample):
         raise source.fault(f"Line {head.line} ({show(head.sample[0])}) has commas within quotes: write it without quotes.", head.line)
-    width = _width(head.sample[0], separator)
-    columns, unit, guess = _choose_columns(source, head, separator, width, decimal_comma)
+    columns, width, unit, guess = _choose_columns(source, head, separator, _widths(head.sample, separator), decimal_comma)
     layout = Layout(columns=columns, width=width, separator=separator, decimal_comma=decimal_comma)
     points = read_rows(source, head.start, head.line, layout)
     notes = [f"Taken as text of {width} columns separated by {_SEPARATORS[separator]}; {guess}."]
@@ -135,15 +134,16 @@ def _guess_separator(sample: tuple[bytes, ...]) -> tuple[bytes | None, bool]:
     return b",", False
 
 
-def _width(body: bytes, separator: bytes | None) -> int:
-    tokens = split_row(body, separator)
-    return len(tokens) - (separator is not None and not tokens[-1])
+def _widths(sample: tuple[bytes, ...], separator: bytes | None) -> tuple[int, ...]:
+    """Return how many columns rows may have, the likelier number first: behind a separator at the end of all there may be an empty one."""
+    n = len(split_row(sample[0], separator))
+    return (n - 1, n) if separator is not None and all(body.endswith(separator) for body in sample) else (n,)
 
 
 def _choose_columns(
-    source: Source, head: _Head, separator: bytes | None, width: int, decimal_comma: bool
-) -> tuple[tuple[int, int, int], str | None, str]:
-    """Return the columns of x, y and z, the unit that their names state, and how they were found."""
+    source: Source, head: _Head, separator: bytes | None, widths: tuple[int, ...], decimal_comma: bool
+) -> tuple[tuple[int, int, int], int, str | None, str]:
+    """Return the columns of x, y and z, the number of columns, the unit that their names state, and how they were found."""
     misfit = None
     for title in (head.header, *(comment.encode() for comment in reversed(head.comments))):
         if title is None:
@@ -152,11 +152,12 @@ def _choose_columns(
         for tokens in (split_row(title, separator), re.split(rb"[\s,;]+", title.strip(b" \t,;"))):
             names = [token.decode("utf-8", "replace") for token in tokens]
             columns = _columns_named(names)
-            if columns is not None and len(names) - (not names[-1]) == width:
+            width = len(names) - (names[-1:] == [""])
+            if columns is not None and width in widths:
                 shown = ", ".join(names[c] for c in columns)
-                return columns, _unit_of_name(names[columns[0]]), f"the header names the coordinates {shown}"
+                return columns, width, _unit_of(source, head, [names[c] for c in columns]), f"the header names the coordinates {shown}"
             if columns is not None and title is head.header:
-                misfit = f"The header ({show(title)}) names {len(names)} columns, the rows below it have {width}."
+                misfit = f"The header ({show(title)}) names {len(names)} columns, the rows below it have {widths[0]}."
     if misfit is not None:
         raise source.fault(misfit, head.line)
     values = [number(token, decimal_comma=decimal_comma) for token in split_row(head.sample[0], separator)]
@@ -164,9 +165,9 @@ def _choose_columns(
     if len(numeric) < 3:
         raise source.fault(f"Line {head.line} ({show(head.sample[0])}) does not hold three numbers.", head.line)
     if numeric[:3] == [0, 1, 2]:
-        return (0, 1, 2), None, "the first three were taken for x, y and z"
+        return (0, 1, 2), widths[0], None, "the first three were taken for x, y and z"
     x, y, z = numeric[:3]
-    return (x, y, z), None, f"columns {x + 1}, {y + 1} and {z + 1}, the first with numbers, were taken for x, y and z"
+    return (x, y, z), widths[0], None, f"columns {x + 1}, {y + 1} and {z + 1}, the first with numbers, were taken for x, y and z"
 
 
 def _columns_named(names: list[str]) -> tuple[int, int, int] | None:
@@ -184,9 +185,13 @@ def _plain_name(name: str) -> str:
     return re.sub(r"[^a-z0-9]", "", name.lower())
 
 
-def _unit_of_name(name: str) -> str | None:
-    stated = _UNIT_IN_NAME.search(name.strip())
-    return unit_of(stated[1]) if stated else None
+def _unit_of(source: Source, head: _Head, names: list[str]) -> str | None:
+    """Return the unit that the names of the coordinates state, if one of them does."""
+    stated = (_UNIT_IN_NAME.search(name.strip()) for name in names)
+    units = sorted({unit for found in stated if found and (unit := unit_of(found[1]))})
+    if len(units) > 1:
+        raise source.fault(f"The header gives the coordinates in different units: {', '.join(names)}.", head.line)
+    return units[0] if units else None
 
 
 def is_text(head: bytes) -> bool:

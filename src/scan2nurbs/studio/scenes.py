@@ -135,7 +135,7 @@ class Scenes:
             return results["corrections"]
         faces = results["faces"]
         edges = results.get("boundary", results["edges"])
-        return Parted(results["read"], results["scale"], edges, faces, np.arange(len(faces.fits), dtype=np.int32))
+        return Parted(results["read"], results["scale"], edges, faces, np.arange(len(faces.fits), dtype=np.int32), len(faces.fits))
 
     def _faces(self, key: str) -> Scene:
         parted = self._parted()
