@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import scan2nurbs as s2n
-from scan2nurbs.edges.chains import chain_extent
+from scan2nurbs.edges.chains import chains_of
 from scan2nurbs.edges.normals import normals_at
 from scan2nurbs.kernels.alongside import mean_along, nearest_piece
 from scan2nurbs.kernels.bend_widths import fit_bends
@@ -76,9 +76,11 @@ def test_a_hole_as_wide_as_a_face_is_an_edge():
 def test_chains_reach_as_far_as_their_points_follow_each_other():
     line = np.c_[np.arange(10.0), np.zeros(10), np.zeros(10)]
     points = np.concatenate([line, line + np.array([20.0, 0.0, 0.0]), [(50.0, 0.0, 0.0)]])
-    np.testing.assert_allclose(chain_extent(points, 1.5), [9.0] * 20 + [0.0])
-    assert chain_extent(np.zeros((1, 3)), 1.0).tolist() == [0.0]
-    assert len(chain_extent(np.zeros((0, 3)), 1.0)) == 0
+    chains = chains_of(points, 1.5)
+    np.testing.assert_allclose(chains.extent, [9.0] * 20 + [0.0])
+    np.testing.assert_allclose(chains.mean(np.arange(21.0)), [4.5] * 10 + [14.5] * 10 + [20.0])
+    assert chains_of(np.zeros((1, 3)), 1.0).extent.tolist() == [0.0]
+    assert len(chains_of(np.zeros((0, 3)), 1.0).mean(np.zeros(0))) == 0
 
 
 @pytest.mark.parametrize("turn", [20.0, 60.0, 90.0, 120.0])

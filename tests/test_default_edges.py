@@ -80,6 +80,21 @@ def test_a_tube_of_a_few_spacings_has_no_edges():
     assert s2n.detect_edges(torus).mask.mean() < 0.002
 
 
+def carved(noise: float, n: int = 20_000, seed: int = 7) -> np.ndarray:
+    """Points of a ball with folds all over, of some two to four spacings and 30 to 50 degrees."""
+    rng = np.random.default_rng(seed)
+    ball = rng.normal(size=(n, 3))
+    ball /= np.linalg.norm(ball, axis=1)[:, None]
+    depth = 1.0 + 0.05 * np.sin(14 * ball[:, 0] + 3 * np.sin(3 * ball[:, 1])) * np.sin(13 * ball[:, 2])
+    points = ball * depth[:, None] * np.sqrt(n / (4.0 * np.pi))
+    return points + noise * rng.normal(size=points.shape)
+
+
+@pytest.mark.parametrize(("noise", "most"), [(0.0, 0.001), (0.25, 0.002), (0.5, 0.025)])
+def test_folds_of_a_carved_surface_are_no_edges(noise, most):
+    assert s2n.detect_edges(carved(noise)).mask.mean() < most
+
+
 def thinned(points: np.ndarray, middle: np.ndarray, kept: float, seed: int = 5) -> np.ndarray:
     """Keep all points beyond x of the middle, and only part of the others."""
     rng = np.random.default_rng(seed)

@@ -33,8 +33,9 @@ WINDOW, WINDOW_RANGE, LONGER = 7.0, (3.5, 8.0), 1.5
 # A second look with the narrowest window is worth its time where the first is wider than this times it; within so many h the first
 # look has found the crease itself.
 FINER, SAME = 1.15, 2.0
-# The evidence that is asked for along a chain of pieces: less through narrow windows, as more of them lie along it.
-WIDE_SUM, NARROW_SUM = 10.0, 4.0
+# The evidence of a bend that is asked for, at each piece and along a chain of them: less through narrow windows, as more of them lie
+# along it.
+WIDE_EVIDENCE, NARROW_EVIDENCE = (2.5, 10.0), (2.0, 4.0)
 # How far from the crease points are marked, in h.
 REACH = 0.6
 
@@ -108,11 +109,11 @@ def _creases(cells: Cells, lengths: Lengths, params: EdgeParams, where: Spacing,
     h, narrowest = lengths.h, WINDOW_RANGE[0] * lengths.h
     window = float(np.clip(WINDOW * math.sqrt(lengths.noise / h), *WINDOW_RANGE)) * h
     wide = _look(cells, lengths, params, window, where, progress)
-    pieces = sharp_pieces(wide.weighed, WIDE_SUM, lengths)
+    pieces = sharp_pieces(wide.weighed, *WIDE_EVIDENCE, lengths)
     if params.radius is not None or window <= FINER * narrowest:
         return pieces, [wide]
     fine = _look(cells, lengths, replace(params, radius=RADIUS_RANGE[0], absolute=False), narrowest, where, progress)
-    more = apart_from(sharp_pieces(fine.weighed, NARROW_SUM, lengths), pieces, SAME * h, h)
+    more = apart_from(sharp_pieces(fine.weighed, *NARROW_EVIDENCE, lengths), pieces, SAME * h, h)
     return join(pieces, without_rounded(more, wide.weighed, h), h), [wide, fine]
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from scan2nurbs.edges.chains import chain_extent
+from scan2nurbs.edges.chains import chains_of
 from scan2nurbs.edges.operators import Lengths
 from scan2nurbs.edges.pieces import Pieces, apart_from, choose, make_pieces
 from scan2nurbs.kernels.alongside import mean_along
@@ -15,18 +15,23 @@ from scan2nurbs.kernels.bend_widths import FLOOR, Bends
 from scan2nurbs.kernels.cells import build_cells
 from scan2nurbs.kernels.sides import Meetings
 
-# Mean logarithm of the likelihood ratio along a crease: what is asked for against one curved face, and against a rounding, which
-# is rarer and has a width to choose. The latter may be negative where noise, a quarter to half of h, hides where exactly the crease
-# runs, which matters to a sharp bend most. Means over 4 h, repeated eight times, reach about 10 h either way.
-EVIDENCE, HIDDEN, HIDING = 2.5, 0.3, (0.25, 0.5)
+# Mean logarithm of the likelihood ratio along a crease: how surely it bends where its being rounded rules out what narrower windows
+# see. Against a rounding it may be negative where noise, from a quarter of h to h, hides where exactly the crease runs, which matters
+# to a sharp bend most. Means over 4 h, repeated eight times, reach about 10 h either way.
+EVIDENCE, HIDDEN, HIDING = 2.5, 0.9, (0.25, 1.0)
 MEAN_REACH, MEANS = 4.0, 8
 # The best of the bumps that noise makes look like short shallow creases. Pieces 10 h apart share no points, so that evidence adds up
-# along a chain of pieces, which follow each other closer than 1.5 h.
-APART, FOLLOWS = 10.0, 1.5
+# along a chain of pieces: that of a bend where they follow each other closer than 1.5 h, that of its sharpness closer than 2 h. Those
+# belong to a chain that are by no more than so much likelier rounded. The whole chain has to be so much likelier sharp than rounded:
+# folds of smooth surfaces are as common as creases, if blunt.
+APART, FOLLOWS, WEAK = 10.0, (1.5, 2.0), 0.3
+CREASE_SUM, FOLD_SUM = 0.5, 3.0
 # Where residuals come from the shape of faces and not from noise, they do not average out: a sharp bend must be so much likelier
 # there than a rounding, unless it turns by so many degrees that a rounding of that turn would be narrower than the spacing shows,
-# or the bends leave so little of what they may leave that they are exact.
+# or the bends leave so little of what they may leave that they are exact: half of what noise leaves, which tells nothing of the shape, and
+# a quarter of the rest.
 CLEARLY, BLUNT, ACUTE, EXACT = 2.0, 30.0, 75.0, 0.25
+SURELY_NOISE = 0.5
 # How near to a piece that is rather rounded, in h, what looks sharp through narrower windows does not count.
 VETO, DOUBT = 2.0, -0.2
 
@@ -69,22 +74,35 @@ def weigh(meetings: Meetings, bends: Bends, h: float) -> WeighedPieces:
     return WeighedPieces(Pieces(feet, direction, values[:, -2]), values[:, 0], values[:, 1:-2].max(axis=1), values[:, -1])
 
 
-def sharp_pieces(weighed: WeighedPieces, total: float, lengths: Lengths) -> Pieces:
-    """Keep the pieces that are sharp, with evidence that adds up to `total` along their chain."""
+def sharp_pieces(weighed: WeighedPieces, least: float, total: float, lengths: Lengths) -> Pieces:
+    """Keep the pieces that are sharp.
+
+    Parameters
+    ----------
+    weighed : WeighedPieces
+        What the windows said.
+    least, total : float
+        By how much a sharp bend must be likelier than one curved face: of each piece, and added up along its chain.
+    lengths : Lengths
+        Spacing and noise.
+
+    Notes
+    -----
+    Whether a crease is sharp or a fold, its pieces tell together. A short crease of a freeform surface has little to say, so that
+    it must say it clearly; a long edge of a part may be doubtful in places.
+    """
     sharp, h = weighed.sharp, lengths.h
-    good = np.flatnonzero((sharp > EVIDENCE) & (sharp - weighed.rounded > _allowance(weighed, lengths)))
-    extent = chain_extent(weighed.pieces.middles[good], FOLLOWS * h) / h
-    return choose(weighed.pieces, good[sharp[good] * (1.0 + extent / APART) > total], h)
-
-
-def _allowance(weighed: WeighedPieces, lengths: Lengths) -> NDArray[np.float64]:
-    """Return by how much a sharp bend must be likelier than a rounding: more for the shape of smooth faces, less for hidden creases."""
-    hidden = HIDDEN * np.interp(lengths.noise / lengths.h, HIDING, (0.0, 1.0))
-    shape = (FLOOR * lengths.h) ** 2
-    shape /= shape + lengths.noise**2
-    inexact = np.clip(weighed.leftover / EXACT, 0.0, 1.0)
+    shape = (FLOOR * h) ** 2 / ((FLOOR * h) ** 2 + lengths.noise**2)
+    inexact = np.clip((weighed.leftover - SURELY_NOISE * (1.0 - shape)) / (EXACT * shape), 0.0, 1.0)
     blunt = np.clip((ACUTE - np.degrees(weighed.pieces.turn)) / (ACUTE - BLUNT), 0.0, 1.0)
-    return CLEARLY * shape**2 * inexact * blunt - hidden
+    hidden = HIDDEN * np.interp(lengths.noise / h, HIDING, (0.0, 1.0))
+    unrounded = sharp - weighed.rounded + hidden - CLEARLY * shape**2 * inexact * blunt
+    good = np.flatnonzero((sharp > least) & (unrounded > -WEAK))
+    close, loose = (chains_of(weighed.pieces.middles[good], follows * h) for follows in FOLLOWS)
+    bends = sharp[good] * (1.0 + close.extent / (APART * h)) > total
+    asked = (CREASE_SUM + FOLD_SUM * blunt[good]) * inexact[good]
+    breaks = loose.mean(unrounded[good]) * (1.0 + loose.extent / (APART * h)) > asked
+    return choose(weighed.pieces, good[bends & breaks], h)
 
 
 def without_rounded(pieces: Pieces, seen: WeighedPieces, h: float) -> Pieces:
