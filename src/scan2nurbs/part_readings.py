@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -30,6 +30,10 @@ _WIDER = 2.0
 """Where a face does not fit its neighbours, tolerances may be so many times as wide: better than an open part."""
 _GIVEN_UP = 2
 """How often faces that fit nowhere are given up: what closes one place may show that another does not fit."""
+_SMALL = 0.02
+"""Faces of less than this share of the area are spanned rather than read again."""
+_WAYS = 3
+"""How many readings are tried for whether surfaces between the edges of their neighbours can take the place of faces that do not fit."""
 _LESS = 0.02
 """How much more of the scan a model has to cover to be the better one for it, closed or not."""
 
@@ -62,6 +66,12 @@ class Reading:
     def misfits(self) -> list[int]:
         """The topology's faces that do not share their edges with their neighbours."""
         return [f for f, face in enumerate(self.part.faces) if face.trimmed in ("alone", "lost")]
+
+    @property
+    def apart(self) -> float:
+        """The share of the area that these have."""
+        area = self.topology.areas
+        return float(area[self.misfits].sum() / area.sum())
 
     @property
     def fits_together(self) -> bool:
@@ -118,7 +128,8 @@ def build_from_readings(
     also have been moved off a neighbour that the relation does not know of: around what does not fit, relations are given up, in the
     last reading all of them. Before that, wider tolerances are tried, which hold from then on. Readings give way in turns in one of two
     ways where a face does not fit. What is left open then by faces that lie as close to their neighbours' surfaces as points do that belong
-    to them, is closed without these, if it can be. Where holes in the data were to be filled, and the part is not closed all the same, a
+    to them, is closed without these, if it can be; and else by surfaces between the edges of their neighbours, which is also what small
+    faces that do not fit get at once. Where holes in the data were to be filled, and the part is not closed all the same, a
     model that leaves them open is taken if it is the better one. Deterministic.
     """
     reader = _Reader(points, label, tuple(fits), tuple(unrelated), scale, params, progress)
@@ -153,12 +164,17 @@ class _Reader:
         build = partial(build_part, self.points, scale=self.scale, progress=self.progress)
         best = last = Reading(build(self.fits, topology, params=params, known=known), topology, self.fits)
         related = frozenset(f for f, fit in enumerate(self.fits) if fit is not self.unrelated[f])
+        ways: list[tuple[Reading, Callable[..., PartModel]]] = []
         if not best.fits_together:
             params = replace(params, bearable=_WIDER * params.bearable)
-            last = replace(best, part=build(self.fits, topology, params=params, known=known, other_way=True))
-            best = last if last.betters(best) else best
+            for other_way in (True, False):
+                way = partial(build, self.fits, topology, params=params, known=known, other_way=other_way)
+                if other_way:
+                    last = replace(best, part=way())
+                    best = last if last.betters(best) else best
+                ways.append((last, way))
         for turn in range(1, READINGS):
-            if best.fits_together or len(best.misfits) > _SOME:
+            if best.fits_together or len(best.misfits) > _SOME or best.apart < _SMALL:
                 break
             released = (last.released | _around(last)) & related if turn < READINGS - 1 else related
             use = tuple(self.unrelated[f] if f in released else fit for f, fit in enumerate(self.fits))
@@ -166,11 +182,15 @@ class _Reader:
                 again = find_topology(self.points, self.label, use, self.scale, topology_params, reading=turn)
                 # Triangles are what some faces fail for. Bent surfaces are not asked for fine ones: that may take minutes.
                 fine = all(face.trimmed != "bent" for face in last.part.faces)
-                last = Reading(build(use, again, params=params, fine=fine, other_way=turn % 2 == 1), again, use, released)
+                way = partial(build, use, again, params=params, fine=fine, other_way=turn % 2 == 1)
+                last = Reading(way(), again, use, released)
             except NoResultError:
                 continue
+            ways.append((last, way))
             best = last if last.betters(best) else best
-        return best if best.fits_together or len(best.misfits) > _SOME else self._dissolved(best, topology_params, params)
+        if not best.fits_together and len(best.misfits) <= _SOME:
+            best = self._dissolved(best, topology_params, params)
+        return best if best.fits_together else _spanned(best, ways)
 
     def _dissolved(self, best: Reading, topology_params: TopologyParams, params: ModelParams) -> Reading:
         """Return a model without small faces that fit nowhere, if that closes it; else the best one that there was."""
@@ -191,6 +211,18 @@ class _Reader:
             if last.fits_together and last.betters(best):
                 return last
         return best
+
+
+def _spanned(best: Reading, ways: Sequence[tuple[Reading, Callable[..., PartModel]]]) -> Reading:
+    """Return a reading in which surfaces between their neighbours take the place of faces that do not fit, if one is better so."""
+    rank = {id(reading): len(reading.misfits) + (reading is not best) for reading, _ in ways}
+    for reading, way in sorted(ways, key=lambda given: rank[id(given[0])])[:_WAYS]:
+        made = replace(reading, part=way(spanned=True))
+        if made.betters(best):
+            best = made
+        if best.fits_together:
+            break
+    return best
 
 
 def without_dissolved(parted: Parted, reading: Reading) -> Parted:

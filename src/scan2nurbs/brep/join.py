@@ -13,12 +13,15 @@ from scan2nurbs.brep.measure import rough_area
 from scan2nurbs.brep.occ import KernelError
 from scan2nurbs.brep.sewn import sew
 from scan2nurbs.brep.solids import Assembled, apart, assemble, compound, loose
+from scan2nurbs.brep.spanned import span, touching
 from scan2nurbs.brep.viewed import unseen
 from scan2nurbs.errors import NoResultError
 from scan2nurbs.faces.topology import Topology
 
 Pieces = tuple[Any, ...]
 
+OUTLINED = "it has its own outline."
+"""What a note says of a face that left its neighbours, in the end."""
 _SHOWN = 4
 """Most faces that leave their neighbours for how the part is shown."""
 _READ = 4
@@ -67,8 +70,8 @@ class Joined:
     unseen: tuple[int, ...] = ()
 
 
-def join_faces(faces: list[Pieces], how: list[str], around: Surroundings, widest: float, notes: list[str]) -> Joined:
-    """Join faces that share edges, and sew those with outlines of their own to them where that keeps all valid.
+def join_faces(faces: list[Pieces], how: list[str], around: Surroundings, widest: float, notes: list[str], spanned: float = 0.0) -> Joined:
+    """Join faces that share edges; span those that do not fit, or sew their outlines to their neighbours, where that keeps all valid.
 
     Parameters
     ----------
@@ -81,6 +84,8 @@ def join_faces(faces: list[Pieces], how: list[str], around: Surroundings, widest
         Largest distance of edges that are sewn, in h.
     notes : list of str
         Is told what changed.
+    spanned : float
+        Largest tolerance, in h, of surfaces that take the place of faces that do not fit; 0 for no such surfaces.
 
     Raises
     ------
@@ -88,6 +93,9 @@ def join_faces(faces: list[Pieces], how: list[str], around: Surroundings, widest
         If no face is valid at all.
     """
     shown = _shown(faces, how, around, notes)
+    made = _spanned(shown, around, spanned, notes) if spanned > 0.0 else None
+    if made is not None:
+        return made
     faces, how, whole = _valid(shown, around, widest, notes)
     return Joined(faces, how, whole, shown.unseen)
 
@@ -115,6 +123,27 @@ def _valid(shown: Joined, around: Surroundings, widest: float, notes: list[str])
         return faces, how, unjoined
     notes.append("The CAD kernel finds faces invalid that share edges: every face has edges of its own.")
     return _parted(faces, how, around, notes)
+
+
+def _spanned(shown: Joined, around: Surroundings, widest: float, notes: list[str]) -> Joined | None:
+    """Span faces that do not fit by surfaces between their neighbours, where that keeps all valid and leaves fewer free edges."""
+    missing = [f for f, kind in enumerate(shown.how) if kind in ("alone", "lost")]
+    most = widest * around.h * around.scale
+    found = span(shown.faces, missing, around.topology, around.h, around.scale, most)
+    faces, how, said = list(shown.faces), list(shown.how), list[str]()
+    for by, face in found.items():
+        for f in touching(missing, around.topology, by):
+            faces[f], how[f] = ((face,), "bent") if f == by else ((), "covered")
+            done = (
+                "a surface between its neighbours' edges takes its place" if f == by else f"the surface of face {by + 1} covers its points"
+            )
+            said.append(f"Face {f + 1} ({around.shapes[f].kind}) does not fit its neighbours: {done}.")
+    sewn = sew(faces, most) if found else None
+    if sewn is None or (joined := _together(sewn)).n_free_edges >= shown.whole.n_free_edges or not _good(joined):
+        return None
+    instead = tuple(f"Face {f + 1} (" for f in missing if how[f] in ("bent", "covered"))
+    notes[:] = [note for note in notes if not (note.startswith(instead) and note.endswith(OUTLINED))] + said
+    return Joined(sewn, how, joined, shown.unseen)
 
 
 def _together(faces: Sequence[Pieces]) -> Assembled:
@@ -179,7 +208,7 @@ def _alone(f: int, around: Surroundings) -> tuple[Pieces, str]:
 
 
 def _left(f: int, around: Surroundings, how: Sequence[str], why: str) -> str:
-    done = "it has its own outline." if how[f] == "alone" else "it is left out."
+    done = OUTLINED if how[f] == "alone" else "it is left out."
     return f"Face {f + 1} ({around.shapes[f].kind}) {why}: {done}"
 
 

@@ -18,7 +18,7 @@ from scan2nurbs.brep.cad import tessellate
 from scan2nurbs.brep.check import check, is_valid, is_valid_meshed
 from scan2nurbs.brep.deviation import deviation, sample
 from scan2nurbs.brep.face import kernel_scale
-from scan2nurbs.brep.join import Surroundings, join_faces
+from scan2nurbs.brep.join import OUTLINED, Surroundings, join_faces
 from scan2nurbs.brep.known import Known
 from scan2nurbs.brep.measure import area, rough_area, tolerance, volume
 from scan2nurbs.brep.occ import silence
@@ -76,9 +76,9 @@ class PartFace:
         Of its surface.
     shapes : tuple of TopoDS_Face
         Usually one; several where the face consists of pieces that do not touch; none where it was lost.
-    trimmed : {"shared", "followed", "bent", "alone", "lost"}
-        By edges shared with its neighbours; by shared edges that follow the borders' points, or that its surface was bent to; by its own
-        outline; not at all.
+    trimmed : {"shared", "followed", "bent", "covered", "alone", "lost"}
+        By edges shared with its neighbours; by shared edges that follow the borders' points, or that its surface was bent to; not itself,
+        since a neighbour's surface covers its points; by its own outline; not at all.
     """
 
     number: int
@@ -187,6 +187,7 @@ def build_part(
     known: Known | None = None,
     fine: bool = False,
     other_way: bool = False,
+    spanned: bool = False,
 ) -> PartModel:
     """Build the model of a part from its surfaces and from how they meet.
 
@@ -208,6 +209,8 @@ def build_part(
         is what keeps a face with its neighbours.
     other_way : bool
         As in `trim_part`: one of two ways to give way where faces do not fit.
+    spanned : bool
+        Whether surfaces between the edges of their neighbours may take the place of faces that do not fit.
 
     Raises
     ------
@@ -222,10 +225,10 @@ def build_part(
     tell = progress or (lambda _done, _total: None)
     known, shapes = known or Known(), [fits[k].shape for k in topology.source]
     trimmed, notes = trim_part(shapes, topology, scale.h, factor, params.widest, params.bearable, tell, known, fine, other_way)
-    model, unseen = _model(points, trimmed, shapes, scale, factor, params, notes)
+    model, unseen = _model(points, trimmed, shapes, scale, factor, params, notes, spanned)
     again = without_tips(trimmed, unseen, scale.h, factor, params.bearable, known, fine) if unseen else None
     if again is not None:
-        other, _ = _model(points, again, shapes, scale, factor, params, notes)
+        other, _ = _model(points, again, shapes, scale, factor, params, notes, spanned)
         model = other if other.valid and other.n_apart < model.n_apart else model
     tell(ATTEMPTS, ATTEMPTS)
     return model
@@ -250,7 +253,7 @@ def _completed(
         faces[f] = _on_its_own(f, shapes[f], topology, h, factor, room[f], least[f])
         how.append("alone" if faces[f] else "lost")
         why = f"Face {f + 1} ({shapes[f].kind}) does not fit its neighbours ({why_not.rstrip('.')}): "
-        notes.append(why + ("it has its own outline." if faces[f] else "it could not be made."))
+        notes.append(why + (OUTLINED if faces[f] else "it could not be made."))
     return faces, how
 
 
@@ -307,11 +310,13 @@ def _model(
     factor: float,
     params: ModelParams,
     notes: Sequence[str],
+    spanned: bool,
 ) -> tuple[PartModel, tuple[int, ...]]:
     """Return the model of faces that were trimmed, and those that had to leave it since they would be lost where it is shown."""
     notes, shapes, topology = list(notes), trimmed.shapes, trimmed.topology
     faces, how = _completed(trimmed, unbent, scale.h, factor, params, notes)
-    joined = join_faces(faces, how, Surroundings(shapes, topology, scale.h, factor), params.widest, notes)
+    around = Surroundings(shapes, topology, scale.h, factor)
+    joined = join_faces(faces, how, around, params.widest, notes, params.bearable if spanned else 0.0)
     faces, how, whole = joined.faces, joined.how, joined.whole
     found = check(whole.shape)
     measured = deviation(whole.shape, points, h=scale.h, reach=params.reach * scale.h + 3.0 * scale.noise, scale=factor)
