@@ -119,16 +119,17 @@ def test_there_are_so_many_readings_and_no_more(monkeypatch):
     points, label, fits, scale = scanned_box()
     whole = build_part(points, fits, find_topology(points, label, fits, scale), scale)
     one_apart = replace(whole, closed=False, n_free_edges=3, faces=(replace(whole.faces[0], trimmed="alone"), *whole.faces[1:]))
-    counted = []
+    counted, tried = [], []
 
-    def build(*_, params, fine=False, other_way=False, **__):
-        counted.append((params.bearable, fine, other_way))
+    def build(*_, params, fine=False, other_way=False, spanned=False, **__):
+        (tried if spanned else counted).append((params.bearable, fine, other_way))
         return one_apart
 
     monkeypatch.setattr(part_readings, "build_part", build)
     assert not read(points, label, fits, fits, scale).part.closed
     assert READINGS == 4
     assert counted == [(0.5, False, False), (1.0, False, True), (1.0, True, True), (1.0, True, False), (1.0, True, True)]
+    assert len(tried) == 3
 
 
 def test_wide_tolerances_are_taken_where_narrow_ones_leave_a_part_open(monkeypatch):

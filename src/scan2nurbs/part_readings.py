@@ -31,7 +31,7 @@ _WIDER = 2.0
 _GIVEN_UP = 2
 """How often faces that fit nowhere are given up: what closes one place may show that another does not fit."""
 _SMALL = 0.02
-"""Faces of less than this share of the area are spanned rather than read again."""
+"""Faces of less than this share of the area are spanned rather than read a third time."""
 _WAYS = 3
 """How many readings are tried for whether surfaces between the edges of their neighbours can take the place of faces that do not fit."""
 _LESS = 0.02
@@ -129,7 +129,7 @@ def build_from_readings(
     last reading all of them. Before that, wider tolerances are tried, which hold from then on. Readings give way in turns in one of two
     ways where a face does not fit. What is left open then by faces that lie as close to their neighbours' surfaces as points do that belong
     to them, is closed without these, if it can be; and else by surfaces between the edges of their neighbours, which is also what small
-    faces that do not fit get at once. Where holes in the data were to be filled, and the part is not closed all the same, a
+    faces get that do not fit in two readings. Where holes in the data were to be filled, and the part is not closed all the same, a
     model that leaves them open is taken if it is the better one. Deterministic.
     """
     reader = _Reader(points, label, tuple(fits), tuple(unrelated), scale, params, progress)
@@ -174,7 +174,7 @@ class _Reader:
                     best = last if last.betters(best) else best
                 ways.append((last, way))
         for turn in range(1, READINGS):
-            if best.fits_together or len(best.misfits) > _SOME or best.apart < _SMALL:
+            if best.fits_together or len(best.misfits) > _SOME or (turn > 1 and 0.0 < best.apart < _SMALL):
                 break
             released = (last.released | _around(last)) & related if turn < READINGS - 1 else related
             use = tuple(self.unrelated[f] if f in released else fit for f, fit in enumerate(self.fits))

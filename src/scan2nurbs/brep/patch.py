@@ -71,7 +71,7 @@ def patch_within(loops: Sequence[Floats], inner: Floats, h: float, smooth: float
 def _amid(points: Floats, sizes: Sequence[int], rim: Floats, h: float) -> Floats:
     """Return parameters (N, 2) of points, of which the first ones are those of loops of so many each, and those of the first are given."""
     n, k = len(points), len(rim)
-    distance, near = KDTree(points).query(points, k=min(_NEIGHBOURS + 1, n))
+    distance, near = (np.asarray(found) for found in KDTree(points).query(points, k=min(_NEIGHBOURS + 1, n)))
     weight = 1.0 / np.maximum(distance[:, 1:], _LEAST * h)
     i, j, w = np.repeat(np.arange(n), near.shape[1] - 1), near[:, 1:].ravel(), weight.ravel()
     # The middle of each hole, which is no point of the surface, keeps the loop around it apart.
@@ -80,8 +80,8 @@ def _amid(points: Floats, sizes: Sequence[int], rim: Floats, h: float) -> Floats
         around = np.arange(starts[hole], starts[hole + 1])
         i, j, w = np.r_[i, around], np.r_[j, np.full(len(around), n + hole - 1)], np.r_[w, np.full(len(around), 1.0 / h)]
     m = n + len(sizes) - 1
-    links = coo_array((w, (i, j)), shape=(m, m)).tocsr()
-    links = links + links.T
+    one_way = coo_array((w, (i, j)), shape=(m, m)).tocsr()
+    links: Any = one_way + one_way.T
     laplacian: Any = csr_matrix(diags_array(np.asarray(links.sum(axis=1)).ravel()) - links)
     return np.vstack([rim, splu(laplacian[k:, k:].tocsc()).solve(-(laplacian[k:, :k] @ rim))])[:n]
 

@@ -6,12 +6,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import make_interp_spline
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
@@ -19,13 +17,13 @@ from scipy.spatial import KDTree
 from scan2nurbs.brep.cad import tessellate
 from scan2nurbs.brep.check import is_sound
 from scan2nurbs.brep.deviation import sample
+from scan2nurbs.brep.disc import along, disc_face, follow, length_of, loop_length
 from scan2nurbs.brep.measure import rough_area, tolerance
-from scan2nurbs.brep.occ import CONFUSION, KernelError, kernel_errors, to_knots, to_points, to_surface
+from scan2nurbs.brep.occ import KernelError, kernel_errors
 from scan2nurbs.brep.patch import patch_within
 from scan2nurbs.brep.solids import assemble
 from scan2nurbs.errors import InputError
 from scan2nurbs.faces.topology import Topology
-from scan2nurbs.surfaces.bspline import BSplineSurface
 
 Floats = NDArray[np.float64]
 
@@ -33,8 +31,6 @@ _EDGES = 60
 """Edges around a face, above which no one surface spans it."""
 _SMOOTH = (0.05, 0.2, 0.8)
 """Weights of smoothness that are tried."""
-_COARSE = 17
-_SAMPLES = (16, 400)
 _SHORT = 0.3
 """Share by which the edges around faces may be longer or shorter than the borders that were read: else some are missing."""
 _MORE = 1.5
@@ -45,9 +41,6 @@ _OFF = 0.02
 """Share of a surface, and of the points that it stands for, that may lie farther from each other."""
 _CLOSE = 0.7
 """Points that lie closer to the edges than so many h say less than these."""
-_FINE = 0.5
-"""Distance of points along edges, in h."""
-_MARGIN = 1.25
 
 
 def span(
@@ -84,7 +77,7 @@ def span(
         return out
     mesh = topology.mesh
     try:
-        loops = [(loop, [_along(edge) / scale for edge in loop]) for loop in _free_loops(kept)]
+        loops = [(loop, [along(edge) / scale for edge in loop]) for loop in _free_loops(kept)]
         for group in _touching(missing, topology):
             triangles = mesh.triangles[np.isin(mesh.face, group)]
             if not len(triangles):
@@ -92,7 +85,7 @@ def span(
             patch = mesh.vertices[triangles]
             tree = KDTree(mesh.vertices[np.unique(triangles)])
             around = [(loop, lines) for loop, lines in loops if tree.query(np.vstack(lines))[0].max() <= _NEAR * h]
-            length, whole = sum(_span(line) for _, lines in around for line in lines), _length_around(group, topology)
+            length, whole = sum(length_of(line) for _, lines in around for line in lines), _length_around(group, topology)
             if sum(len(loop) for loop, _ in around) <= _EDGES and abs(length - whole) <= _SHORT * whole:
                 face = _spanned([loop for loop, _ in around], patch, tree, h, scale, widest)
                 if face is not None:
@@ -118,7 +111,7 @@ def _touching(missing: Sequence[int], topology: Topology) -> list[list[int]]:
 
 def _length_around(group: Sequence[int], topology: Topology) -> float:
     """Return the length of the borders between a group of faces and others."""
-    return sum(_span(border.points) for border in topology.borders if len({f in group for f in border.faces}) > 1)
+    return sum(length_of(border.points) for border in topology.borders if len({f in group for f in border.faces}) > 1)
 
 
 def _free_loops(faces: Sequence[Any]) -> list[list[Any]]:
@@ -133,143 +126,31 @@ def _free_loops(faces: Sequence[Any]) -> list[list[Any]]:
     with kernel_errors("find free edges"):
         wires = TopExp_Explorer(ShapeAnalysis_FreeBounds(assemble(faces).shape, True, False, False).GetClosedWires(), TopAbs_WIRE)
         while wires.More():
-            along, loop = BRepTools_WireExplorer(TopoDS.Wire(wires.Current())), []
-            while along.More():
-                loop.append(along.Current())
-                along.Next()
+            way, loop = BRepTools_WireExplorer(TopoDS.Wire(wires.Current())), []
+            while way.More():
+                loop.append(way.Current())
+                way.Next()
             loops.append(loop)
             wires.Next()
     return loops
 
 
-def _along(edge: Any) -> Floats:
-    """Return points (K, 3) along an edge."""
-    from OCP.BRepAdaptor import BRepAdaptor_Curve
-
-    with kernel_errors("follow an edge"):
-        curve = BRepAdaptor_Curve(edge)
-        return _at(curve, np.linspace(curve.FirstParameter(), curve.LastParameter(), _COARSE))
-
-
 def _spanned(loops: Sequence[Sequence[Any]], patch: Floats, tree: KDTree, h: float, scale: float, widest: float) -> Any | None:
     """Return a face within loops of edges that is valid and follows a patch (M, 3, 3), facing outward; None if there is none."""
     points = np.asarray(tree.data)
-    sides = sorted(([_followed(edge, h * scale) for edge in loop] for loop in loops), key=_length, reverse=True)
+    sides = sorted(([follow(edge, h * scale) for edge in loop] for loop in loops), key=loop_length, reverse=True)
     rims = [np.vstack([side.points[:-1] for side in loop]) / scale for loop in sides]
     inner = points[KDTree(np.vstack(rims)).query(points)[0] > _CLOSE * h]
     for smooth in _SMOOTH:
         try:
             surface, parameters = patch_within(rims, inner, h, smooth)
-            face = _face(surface, sides, parameters, scale)
+            face = disc_face(surface, sides, parameters, scale)
         except (RuntimeError, ValueError):  # singular equations, too few points
             continue
         facing = _facing(face, patch, tree, h, scale)
         if facing and tolerance(face) <= widest and is_sound(face):
             return face if facing > 0 else _turned(face)
     return None
-
-
-@dataclass(frozen=True)
-class _Side:
-    """An edge along a loop: its parameters (K,) and the points (K, 3) there, in the kernel's lengths, from where the loop begins."""
-
-    edge: Any
-    forward: bool
-    t: Floats
-    points: Floats
-
-    def turned(self) -> _Side:
-        return _Side(self.edge, not self.forward, self.t[::-1], self.points[::-1])
-
-
-def _followed(edge: Any, step: float) -> _Side:
-    from OCP.BRepAdaptor import BRepAdaptor_Curve
-    from OCP.TopAbs import TopAbs_REVERSED
-
-    with kernel_errors("follow an edge"):
-        curve = BRepAdaptor_Curve(edge)
-        ends = curve.FirstParameter(), curve.LastParameter()
-        t = np.linspace(*ends, int(np.clip(_span(_along(edge)) / (_FINE * step), *_SAMPLES)) + 1)
-        side = _Side(edge, True, t, _at(curve, t))
-    return side.turned() if edge.Orientation() == TopAbs_REVERSED else side
-
-
-def _at(curve: Any, t: Floats) -> Floats:
-    points = (curve.Value(x) for x in t.tolist())
-    return np.array([(p.X(), p.Y(), p.Z()) for p in points])
-
-
-def _span(points: Floats) -> float:
-    return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
-
-
-def _length(loop: Sequence[_Side]) -> float:
-    return sum(_span(side.points) for side in loop)
-
-
-def _face(surface: BSplineSurface, loops: Sequence[Sequence[_Side]], parameters: Sequence[Floats], scale: float) -> Any:
-    """Return the face of a disc's image within edges that have the curves of the given ones."""
-    from OCP.BRep import BRep_Builder
-    from OCP.TopoDS import TopoDS_Face
-
-    build, geometry, face = BRep_Builder(), to_surface(surface, scale=scale), TopoDS_Face()
-    with kernel_errors("span a face"):
-        build.MakeFace(face, geometry, CONFUSION)
-        for k, (loop, uv) in enumerate(zip(loops, parameters, strict=True)):
-            area = float(np.sum(uv[:, 0] * np.roll(uv[:, 1], -1) - uv[:, 1] * np.roll(uv[:, 0], -1)))
-            closed = np.vstack([uv, uv[:1]])
-            if (area > 0.0) == (k == 0):
-                build.Add(face, _wire(surface, geometry, loop, closed, scale))
-            else:  # the face lies on the left of its outer loop and of its holes
-                build.Add(face, _wire(surface, geometry, [side.turned() for side in reversed(loop)], closed[::-1], scale))
-    return face
-
-
-def _wire(surface: BSplineSurface, geometry: Any, loop: Sequence[_Side], uv: Floats, scale: float) -> Any:
-    from OCP.BRep import BRep_Builder
-    from OCP.gp import gp_Pnt
-    from OCP.TopoDS import TopoDS_Vertex, TopoDS_Wire
-
-    build, wire, corners = BRep_Builder(), TopoDS_Wire(), list[Any]()
-    build.MakeWire(wire)
-    for side in loop:
-        vertex = TopoDS_Vertex()
-        build.MakeVertex(vertex, gp_Pnt(*side.points[0].tolist()), CONFUSION)
-        corners.append(vertex)
-    corners.append(corners[0])
-    start = 0
-    for k, side in enumerate(loop):
-        end = start + len(side.t) - 1
-        own = uv[start : end + 1]
-        gap = float(np.linalg.norm(scale * surface.evaluate(own) - side.points, axis=1).max())
-        build.Add(wire, _edge(side, own, max(CONFUSION, _MARGIN * gap), geometry, corners[k : k + 2]))
-        start = end
-    wire.Closed(True)
-    return wire
-
-
-def _edge(side: _Side, uv: Floats, most: float, geometry: Any, corners: Sequence[Any]) -> Any:
-    """Return an edge with the curve of a given one, and a curve on a surface through parameters (K, 2) of that."""
-    from OCP.BRep import BRep_Builder, BRep_Tool
-    from OCP.Geom2d import Geom2d_BSplineCurve
-    from OCP.gp import gp_Pnt
-    from OCP.TopAbs import TopAbs_FORWARD, TopAbs_REVERSED
-    from OCP.TopLoc import TopLoc_Location
-    from OCP.TopoDS import TopoDS_Edge
-
-    along, uv, corners = (side, uv, corners) if side.forward else (side.turned(), uv[::-1], corners[::-1])
-    spline = make_interp_spline(along.t, uv, k=3)
-    on_surface = Geom2d_BSplineCurve(to_points(np.ascontiguousarray(spline.c)), *to_knots(spline.t), 3)
-    edge, build = TopoDS_Edge(), BRep_Builder()
-    build.MakeEdge(edge, BRep_Tool.Curve_s(side.edge, 0.0, 0.0), most)
-    for corner, end, way in zip(corners, along.points[[0, -1]].tolist(), (TopAbs_FORWARD, TopAbs_REVERSED), strict=True):
-        build.UpdateVertex(corner, 1.01 * most + BRep_Tool.Pnt_s(corner).Distance(gp_Pnt(*end)))
-        build.Add(edge, corner.Oriented(way))
-    build.UpdateEdge(edge, on_surface, geometry, TopLoc_Location(), most)
-    build.Range(edge, float(along.t[0]), float(along.t[-1]))
-    build.SameRange(edge, True)
-    build.SameParameter(edge, True)
-    return edge.Oriented(TopAbs_FORWARD if side.forward else TopAbs_REVERSED)
 
 
 def _facing(face: Any, patch: Floats, tree: KDTree, h: float, scale: float) -> int:

@@ -1,0 +1,108 @@
+"""Faces that do not fit their neighbours, spanned by surfaces between the edges of these."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from scan2nurbs.brep import join
+from scan2nurbs.brep.measure import area, tolerance
+from scan2nurbs.brep.part import ModelParams, build_part
+from scan2nurbs.brep.patch import patch_within
+from scan2nurbs.brep.solids import assemble
+from scan2nurbs.brep.spanned import span, touching
+from scan2nurbs.faces.topology import TopologyParams, find_topology
+from scan2nurbs.part_readings import build_from_readings
+from scan2nurbs.scale import measure_scale
+from test_topology import box, noisy
+
+SIZE = (30.0, 24.0, 18.0)
+
+
+def scanned_box():
+    rng = np.random.default_rng(1)
+    points, label, fits = box(SIZE, rng)
+    points = noisy(points, rng)
+    scale = measure_scale(points)
+    return points, label, tuple(fits), scale, find_topology(points, label, fits, scale)
+
+
+def ring(radius, n, height):
+    angle = 2.0 * np.pi * np.arange(n) / n
+    return np.column_stack([radius * np.cos(angle), 0.6 * radius * np.sin(angle), height(radius * np.cos(angle))])
+
+
+def test_a_patch_ends_in_its_loops_and_follows_the_points_between():
+    rng = np.random.default_rng(2)
+
+    def height(x):
+        return 4.0 * np.sin(0.15 * x)
+
+    outer, hole = ring(20.0, 160, height), ring(6.0, 60, height)[::-1]
+    x, y = rng.uniform(-20.0, 20.0, (2, 4000))
+    within = (np.hypot(x, y / 0.6) < 19.5) & (np.hypot(x, y / 0.6) > 6.5)
+    inner = np.column_stack([x, y, height(x)])[within]
+    surface, parameters = patch_within([outer, hole], inner, 1.0, 0.05)
+    for loop, uv in zip((outer, hole), parameters, strict=True):
+        assert np.linalg.norm(surface.evaluate(uv) - loop, axis=1).max() < 0.1
+    assert np.hypot(*parameters[0].T) == pytest.approx(1.0)
+    turn = np.unwrap(np.arctan2(*parameters[1].T))
+    assert np.all(np.diff(turn) > 0.0)  # the hole's border is passed once, the way it runs
+    assert np.hypot(*parameters[1].T).max() < 0.9
+    grid = np.column_stack([*np.meshgrid(*[np.linspace(-0.6, 0.6, 25)] * 2)]).reshape(-1, 2)
+    between = surface.evaluate(grid[np.hypot(*grid.T) > np.hypot(*parameters[1].T).max()])
+    assert np.abs(between[:, 2] - height(between[:, 0])).max() < 0.2
+
+
+@pytest.mark.parametrize("missing", [[5], [0, 5], [2]])
+def test_faces_that_touch_are_spanned_together_and_close_a_box(missing):
+    points, _, fits, scale, topology = scanned_box()
+    part = build_part(points, fits, topology, scale)
+    faces = [face.shapes for face in part.faces]
+    widest = 0.5 * scale.h * part.kernel_scale
+    found = span(faces, missing, topology, scale.h, part.kernel_scale, widest)
+    (by, face), *others = found.items()
+    assert not others
+    assert by in missing
+    assert touching(missing, topology, by) == missing
+    assert tolerance(face) <= widest
+    assert area(face) == pytest.approx(sum(area(piece) for f in missing for piece in faces[f]), rel=0.03)
+    left = [pieces for f, pieces in enumerate(faces) if f not in missing]
+    sewn = join.sew([*left, (face,)], widest)
+    assert sewn is not None
+    whole = assemble([piece for pieces in sewn for piece in pieces])
+    assert (whole.n_free_edges, whole.n_solids) == (0, 1)
+
+
+def test_nothing_is_spanned_that_does_not_follow_its_points():
+    points, _, fits, scale, topology = scanned_box()
+    part = build_part(points, fits, topology, scale)
+    faces = [face.shapes for face in part.faces]
+    assert span(faces, [], topology, scale.h, part.kernel_scale, 1.0) == {}
+    assert span(faces, list(range(6)), topology, scale.h, part.kernel_scale, 1.0) == {}
+    # Five planes of six: their surface would leave the one loop of four edges over all of the box.
+    assert span(faces, [0, 1, 2, 3, 4], topology, scale.h, part.kernel_scale, 0.01 * scale.h) == {}
+
+
+def test_a_part_that_stays_open_is_closed_by_a_surface_between_its_neighbours(monkeypatch):
+    points, label, fits, scale, topology = scanned_box()
+    shown = join._shown
+
+    def without_one(faces, how, around, notes):
+        """Let a face leave its neighbours in every reading."""
+        given = shown(faces, how, around, notes)
+        pieces, kinds = list(given.faces), list(given.how)
+        pieces[5], kinds[5] = join._alone(5, around)
+        notes.append(join._left(5, around, kinds, "would be lost where the part is shown"))
+        return join.Joined(pieces, kinds, join._together(pieces), (5,))
+
+    monkeypatch.setattr(join, "_shown", without_one)
+    monkeypatch.setattr(join, "sew", lambda faces, most, real=join.sew: real(faces, most) if most > 0.9 * scale.h else None)
+    monkeypatch.setattr("scan2nurbs.part_readings.build_part", lambda *a, **k: build_part(*a, **{**k, "scale": scale}))
+    found = build_from_readings(points, label, fits, fits, topology, scale, TopologyParams(), ModelParams())
+    assert found.part.closed
+    assert found.part.valid
+    assert found.part.faces[5].trimmed == "bent"
+    assert found.part.volume == pytest.approx(np.prod(SIZE), rel=0.02)
+    assert any("takes its place" in note for note in found.part.notes)
+    assert not any("has its own outline" in note for note in found.part.notes)
