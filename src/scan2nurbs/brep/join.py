@@ -138,12 +138,18 @@ def _spanned(shown: Joined, around: Surroundings, widest: float, notes: list[str
                 "a surface between its neighbours' edges takes its place" if f == by else f"the surface of face {by + 1} covers its points"
             )
             said.append(f"Face {f + 1} ({around.shapes[f].kind}) does not fit its neighbours: {done}.")
-    sewn = sew(faces, most) if found else None
-    if sewn is None or (joined := _together(sewn)).n_free_edges >= shown.whole.n_free_edges or not _good(joined):
+    # What keeps an outline of its own runs beside its neighbours' edges, and must not be sewn so widely.
+    left = [kind in ("alone", "lost") for kind in how]
+    sewn = sew([() if own else pieces for pieces, own in zip(faces, left, strict=True)], most) if found else None
+    if sewn is None:
+        return None
+    faces = [pieces if own else joined for pieces, joined, own in zip(faces, sewn, left, strict=True)]
+    whole = _together(faces)
+    if whole.n_free_edges >= shown.whole.n_free_edges or not _good(whole):
         return None
     instead = tuple(f"Face {f + 1} (" for f in missing if how[f] in ("bent", "covered"))
     notes[:] = [note for note in notes if not (note.startswith(instead) and note.endswith(OUTLINED))] + said
-    return Joined(sewn, how, joined, shown.unseen)
+    return Joined(faces, how, whole, shown.unseen)
 
 
 def _together(faces: Sequence[Pieces]) -> Assembled:

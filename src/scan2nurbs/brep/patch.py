@@ -60,7 +60,8 @@ def patch_within(loops: Sequence[Floats], inner: Floats, h: float, smooth: float
     angle = 2.0 * np.pi * np.concatenate([[0.0], np.cumsum(step)[:-1]]) / length
     points = np.vstack([*loops, inner])
     uv = _amid(points, [len(loop) for loop in loops], np.column_stack([np.cos(angle), np.sin(angle)]), h)
-    spans = int(np.clip(length / (np.pi * _STEP * h), *_SPANS))
+    # Within holes and along tubes the disc has more points than its border tells.
+    spans = int(np.clip(max(length / (np.pi * _STEP * h), np.sqrt(len(points))), *_SPANS))
     knots = np.r_[[-_WITHIN] * 3, np.linspace(-_WITHIN, _WITHIN, spans + 1), [_WITHIN] * 3]
     weights = np.r_[np.full(len(points) - len(inner), _RIM), np.ones(len(inner))]
     control = _control(knots, uv, points, weights, smooth)
