@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from scan2nurbs.brep import join
+from scan2nurbs.brep.borders import _filled
 from scan2nurbs.brep.measure import area, tolerance
 from scan2nurbs.brep.part import ModelParams, build_part
 from scan2nurbs.brep.patch import patch_within
@@ -82,6 +85,15 @@ def test_nothing_is_spanned_that_does_not_follow_its_points():
     assert span(faces, list(range(6)), topology, scale.h, part.kernel_scale, 1.0) == {}
     # Five planes of six: their surface would leave the one loop of four edges over all of the box.
     assert span(faces, [0, 1, 2, 3, 4], topology, scale.h, part.kernel_scale, 0.01 * scale.h) == {}
+
+
+def test_a_face_without_borders_is_not_spanned():
+    points, _, fits, scale, topology = scanned_box()
+    part = build_part(points, fits, topology, scale)
+    whole = tuple(piece for face in part.faces for piece in face.shapes)
+    lonely = replace(topology, borders=())
+    assert span([whole, (), (), (), (), ()], [5], lonely, scale.h, part.kernel_scale, 1.0) == {}
+    assert _filled(np.zeros((1, 3)), 1.0).tolist() == [[0.0, 0.0, 0.0]]
 
 
 def test_a_part_that_stays_open_is_closed_by_a_surface_between_its_neighbours(monkeypatch):

@@ -154,6 +154,8 @@ def _guide(border: Border, shapes: Sequence[Shape], h: float, caution: int) -> _
 
 def _filled(points: Floats, h: float) -> Floats:
     """Return the points, and evenly spaced ones where two lie far apart, as on rims of holes: smoothing would draw these together."""
+    if len(points) < 2:
+        return points
     step = np.linalg.norm(np.diff(points, axis=0), axis=1)
     count = np.where(step > _FAR * h, np.ceil(step / h), 1.0).astype(int)
     at = np.concatenate([[0.0], np.repeat(np.arange(len(step)), count) + np.concatenate([np.arange(1, n + 1) / n for n in count])])

@@ -86,7 +86,7 @@ def span(
             tree = KDTree(mesh.vertices[np.unique(triangles)])
             around = [(loop, lines) for loop, lines in loops if tree.query(np.vstack(lines))[0].max() <= _NEAR * h]
             length, whole = sum(length_of(line) for _, lines in around for line in lines), _length_around(group, topology)
-            if sum(len(loop) for loop, _ in around) <= _EDGES and abs(length - whole) <= _SHORT * whole:
+            if 0 < sum(len(loop) for loop, _ in around) <= _EDGES and abs(length - whole) <= _SHORT * whole:
                 face = _spanned([loop for loop, _ in around], patch, tree, h, scale, widest)
                 if face is not None:
                     out[max(group, key=lambda f: (topology.areas[f], -f))] = face
@@ -130,7 +130,7 @@ def _free_loops(faces: Sequence[Any]) -> list[list[Any]]:
             while way.More():
                 loop.append(way.Current())
                 way.Next()
-            loops.append(loop)
+            loops += [loop] if loop else []
             wires.Next()
     return loops
 
