@@ -22,6 +22,7 @@ MODES = ("middle", "contact", "crossing")
 
 _MOST = 400
 _FAR = 2.0
+"""Points of a border farther apart than so many h get others between them."""
 _SIMPLE = (0.1, 0.03, 2e-3)
 _STRAY = (0.02, 0.02, 2e-3)
 _PRIOR = (0.02, 0.3, 1.0)

@@ -23,6 +23,7 @@ _FINE = 0.5
 _COARSE = 17
 _SAMPLES = (16, 400)
 _MARGIN = 1.25
+"""Tolerances over the gaps that were seen: between the places that were looked at these may be wider."""
 
 
 def along(edge: Any) -> Floats:
@@ -137,16 +138,16 @@ def _edge(side: Side, uv: Floats, most: float, geometry: Any, corners: Sequence[
     from OCP.TopLoc import TopLoc_Location
     from OCP.TopoDS import TopoDS_Edge
 
-    along, uv, corners = (side, uv, corners) if side.forward else (side.turned(), uv[::-1], corners[::-1])
-    spline = make_interp_spline(along.t, uv, k=3)
+    forward, uv, corners = (side, uv, corners) if side.forward else (side.turned(), uv[::-1], corners[::-1])
+    spline = make_interp_spline(forward.t, uv, k=3)
     on_surface = Geom2d_BSplineCurve(to_points(np.ascontiguousarray(spline.c)), *to_knots(spline.t), 3)
     edge, build = TopoDS_Edge(), BRep_Builder()
     build.MakeEdge(edge, BRep_Tool.Curve_s(side.edge, 0.0, 0.0), most)
-    for corner, end, way in zip(corners, along.points[[0, -1]].tolist(), (TopAbs_FORWARD, TopAbs_REVERSED), strict=True):
+    for corner, end, way in zip(corners, forward.points[[0, -1]].tolist(), (TopAbs_FORWARD, TopAbs_REVERSED), strict=True):
         build.UpdateVertex(corner, 1.01 * most + BRep_Tool.Pnt_s(corner).Distance(gp_Pnt(*end)))
         build.Add(edge, corner.Oriented(way))
     build.UpdateEdge(edge, on_surface, geometry, TopLoc_Location(), most)
-    build.Range(edge, float(along.t[0]), float(along.t[-1]))
+    build.Range(edge, float(forward.t[0]), float(forward.t[-1]))
     build.SameRange(edge, True)
     build.SameParameter(edge, True)
     return edge.Oriented(TopAbs_FORWARD if side.forward else TopAbs_REVERSED)
