@@ -99,7 +99,7 @@ def test_a_face_with_a_short_tangle_is_shown_with_triangles_of_a_least_size_alon
     monkeypatch.setattr(viewed, "_lost", lambda faces, _deflection, _angle, least: shown.append((sorted(faces), least is not None)) or [])
     # A loop that is longer than the fine deflections, and shorter than four of them.
     size = (rough_area(curved) + rough_area(square)) ** 0.5
-    monkeypatch.setattr(viewed, "borders_cross", lambda _face, least: least < 0.005 * size)
+    monkeypatch.setattr(viewed, "longest_lobe", lambda _face, _step: 0.005 * size)
     assert unseen([(curved,), (square,)], compound([curved, square])) == []
     assert shown == [([0, 1], True)] * 2 + [([1], False)] * 3
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from scan2nurbs.brep import check as checks
-from scan2nurbs.brep import endure, join, viewed
+from scan2nurbs.brep import endure, join, solids, viewed
 from scan2nurbs.brep.check import is_valid_meshed
 from scan2nurbs.brep.endure import endures, spoilt
 from scan2nurbs.brep.occ import KernelError
@@ -25,6 +25,12 @@ def polygon(corners):
         made.Add(gp_Pnt(float(x), float(y), 0.0))
     made.Close()
     return BRepBuilderAPI_MakeFace(gp_Pln(), made.Wire(), True).Face()
+
+
+def found_to_endure(monkeypatch, judge):
+    """Let shapes endure by what a judge says."""
+    for module in (join, solids):
+        monkeypatch.setattr(module, "endures", judge)
 
 
 def test_what_comes_back_from_the_file_decides(monkeypatch):
@@ -56,7 +62,7 @@ def test_faces_need_coarse_and_fine_triangles_and_whole_parts_one_of_them(monkey
 
 
 def test_a_face_that_a_file_spoils_leaves_its_neighbours(monkeypatch):
-    monkeypatch.setattr(join, "endures", lambda shape: not is_round(shape))
+    found_to_endure(monkeypatch, lambda shape: not is_round(shape))
     part = rod().build()
     assert part.valid
     assert not part.closed
@@ -73,7 +79,7 @@ def is_round(shape):
 
 
 def test_nothing_that_endures_is_an_error(monkeypatch):
-    monkeypatch.setattr(join, "endures", lambda shape: False)
+    found_to_endure(monkeypatch, lambda shape: False)
     with pytest.raises(NoResultError):
         rod().build()
 
@@ -152,7 +158,7 @@ def test_a_face_that_a_file_divides_and_spoils_is_found(monkeypatch):
 def test_a_face_that_is_spoilt_where_the_part_is_read_leaves_its_neighbours(monkeypatch):
     told = [[0], []]
     monkeypatch.setattr(join, "spoilt", lambda _faces, _shape: told.pop(0))
-    monkeypatch.setattr(join, "endures", lambda shape: len(told) < 2)
+    found_to_endure(monkeypatch, lambda shape: len(told) < 2)
     part = box().build()
     assert part.valid
     assert [face.trimmed == "alone" for face in part.faces] == [True, False, False, False, False, False]
@@ -163,7 +169,7 @@ def test_a_face_that_is_spoilt_where_the_part_is_read_leaves_its_neighbours(monk
 def test_a_face_that_is_invalid_beside_the_others_even_alone_is_left_out(monkeypatch):
     sound = join._is_sound
     monkeypatch.setattr(join, "_is_sound", lambda piece, extent: not is_round(piece) and sound(piece, extent))
-    monkeypatch.setattr(join, "endures", lambda shape: not is_round(shape))
+    found_to_endure(monkeypatch, lambda shape: not is_round(shape))
     part = rod().build()
     assert part.valid
     assert [face.trimmed for face in part.faces].count("lost") == 1

@@ -18,6 +18,7 @@ from scan2nurbs.brep.cad import tessellate
 from scan2nurbs.brep.check import check
 from scan2nurbs.brep.part import _on_its_own, build_part
 from scan2nurbs.brep.read import faces_of, read_shape
+from scan2nurbs.brep.solids import Assembled
 from scan2nurbs.brep.write_part import write_part
 from scan2nurbs.errors import NoResultError, OutputError, ParameterError
 from scan2nurbs.faces.complex import Border, LabelledMesh, Topology
@@ -384,13 +385,11 @@ def test_wrong_parameters_are_told(tmp_path):
 
 
 def test_faces_stay_where_the_kernel_refuses_all_that_share_edges(monkeypatch):
-    from scan2nurbs.brep import join as module
-
-    def picky(shape):
-        found = check(shape)
+    def picky(whole):
+        found = check(whole.shape)
         return found.valid and found.free_edges >= found.n_edges - 1
 
-    monkeypatch.setattr(module, "is_sound", picky)
+    monkeypatch.setattr(Assembled, "sound", property(picky))
     part = rod().build()
     assert part.valid
     assert not part.closed

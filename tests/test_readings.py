@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from scan2nurbs import part_readings
-from scan2nurbs.brep import join
 from scan2nurbs.brep.part import ModelParams, build_part
+from scan2nurbs.brep.solids import Assembled
 from scan2nurbs.faces.relabel import PARTS, take_samples
 from scan2nurbs.faces.topology import TopologyParams, find_topology
 from scan2nurbs.part_readings import READINGS, Reading, build_from_readings, without_relations
@@ -121,8 +121,8 @@ def test_there_are_so_many_readings_and_no_more(monkeypatch):
     one_apart = replace(whole, closed=False, n_free_edges=3, faces=(replace(whole.faces[0], trimmed="alone"), *whole.faces[1:]))
     counted, tried = [], []
 
-    def build(*_, params, fine=False, other_way=False, spanned=False, **__):
-        (tried if spanned else counted).append((params.bearable, fine, other_way))
+    def build(*_, params, fine=False, other_way=False, spanned=0.0, **__):
+        (tried if spanned == 1.0 else counted).append((params.bearable, fine, other_way))
         return one_apart
 
     monkeypatch.setattr(part_readings, "build_part", build)
@@ -150,7 +150,7 @@ def test_faces_that_are_in_no_shell_are_not_closed_and_read_again(monkeypatch):
         """Find the shells of the first reading invalid, and sound what is in none."""
         return not whole.joined or len(counted) > 1
 
-    monkeypatch.setattr(join, "_good", good)
+    monkeypatch.setattr(Assembled, "good", property(good))
     monkeypatch.setattr(part_readings, "build_part", lambda *given, **how: counted.append(0) or build_part(*given, **how))
     first = build_part(points, fits, find_topology(points, label, fits, scale), scale)
     assert (first.joined, first.closed, first.n_solids, first.n_apart) == (False, False, 0, 0)

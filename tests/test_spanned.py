@@ -96,19 +96,17 @@ def test_a_face_without_borders_is_not_spanned():
     assert _filled(np.zeros((1, 3)), 1.0).tolist() == [[0.0, 0.0, 0.0]]
 
 
+def without_one(given, around, notes):
+    """Let a face leave its neighbours."""
+    pieces, kinds = list(given.faces), list(given.how)
+    pieces[5], kinds[5] = join._alone(5, around)
+    notes.append(join._left(5, around, kinds, "would be lost where the part is shown"))
+    return join.Joined(pieces, kinds, join._together(pieces), (5,))
+
+
 def test_a_part_that_stays_open_is_closed_by_a_surface_between_its_neighbours(monkeypatch):
     points, label, fits, scale, topology = scanned_box()
-    shown = join._shown
-
-    def without_one(faces, how, around, notes):
-        """Let a face leave its neighbours in every reading."""
-        given = shown(faces, how, around, notes)
-        pieces, kinds = list(given.faces), list(given.how)
-        pieces[5], kinds[5] = join._alone(5, around)
-        notes.append(join._left(5, around, kinds, "would be lost where the part is shown"))
-        return join.Joined(pieces, kinds, join._together(pieces), (5,))
-
-    monkeypatch.setattr(join, "_shown", without_one)
+    monkeypatch.setattr(join, "_shown", lambda *given, shown=join._shown: without_one(shown(*given), *given[2:]))
     monkeypatch.setattr(join, "sew", lambda faces, most, real=join.sew: real(faces, most) if most > 0.9 * scale.h else None)
     monkeypatch.setattr("scan2nurbs.part_readings.build_part", lambda *a, **k: build_part(*a, **{**k, "scale": scale}))
     found = build_from_readings(points, label, fits, fits, topology, scale, TopologyParams(), ModelParams())
@@ -118,3 +116,16 @@ def test_a_part_that_stays_open_is_closed_by_a_surface_between_its_neighbours(mo
     assert found.part.volume == pytest.approx(np.prod(SIZE), rel=0.02)
     assert any("takes its place" in note for note in found.part.notes)
     assert not any("has its own outline" in note for note in found.part.notes)
+
+
+@pytest.mark.parametrize(("share", "closed"), [(0.0, False), (0.05, False), (0.4, True)])
+def test_faces_of_a_small_share_are_spanned_at_once(monkeypatch, share, closed):
+    points, _, fits, scale, topology = scanned_box()
+    monkeypatch.setattr(join, "_shown", lambda *given, shown=join._shown: without_one(shown(*given), *given[2:]))
+    monkeypatch.setattr(join, "sew", lambda faces, most, real=join.sew: real(faces, most) if share else None)
+    part = build_part(points, fits, topology, scale, spanned=share)
+    assert 0.05 < topology.areas[5] / topology.areas.sum() < 0.4
+    assert (part.faces[5].trimmed == "bent") is closed
+    open_scan = replace(topology, borders=(*topology.borders, replace(topology.borders[0], faces=(0, -1))))
+    assert not join._allowed([5], open_scan, share), "what has an end where the scan ends is not closed by that"
+    assert join._allowed([5], open_scan, 1.0)

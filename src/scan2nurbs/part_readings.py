@@ -31,7 +31,7 @@ _WIDER = 2.0
 _GIVEN_UP = 2
 """How often faces that fit nowhere are given up: what closes one place may show that another does not fit."""
 _SMALL = 0.02
-"""Faces of less than this share of the area are spanned rather than read a third time."""
+"""Faces of less than this share of the area are spanned, where that closes the part, rather than read again."""
 _WAYS = 3
 """How many readings are tried for whether surfaces between the edges of their neighbours can take the place of faces that do not fit."""
 _LESS = 0.02
@@ -129,8 +129,8 @@ def build_from_readings(
     last reading all of them. Before that, wider tolerances are tried, which hold from then on. Readings give way in turns in one of two
     ways where a face does not fit. What is left open then by faces that lie as close to their neighbours' surfaces as points do that belong
     to them, is closed without these, if it can be; and else by surfaces between the edges of their neighbours, which is also what small
-    faces get that do not fit in two readings. Where holes in the data were to be filled, and the part is not closed all the same, a
-    model that leaves them open is taken if it is the better one. Deterministic.
+    faces get at once where that closes the part, and else after two readings. Where holes in the data were to be filled, and the part is
+    not closed all the same, a model that leaves them open is taken if it is the better one. Deterministic.
     """
     reader = _Reader(points, label, tuple(fits), tuple(unrelated), scale, params, progress)
     found = reader.read(topology, topology_params)
@@ -161,7 +161,7 @@ class _Reader:
     def read(self, topology: Topology, topology_params: TopologyParams) -> Reading:
         """Return the best of the readings of a part, as `build_from_readings` tells."""
         params, known = self.params, Known()
-        build = partial(build_part, self.points, scale=self.scale, progress=self.progress)
+        build = partial(build_part, self.points, scale=self.scale, progress=self.progress, spanned=_SMALL)
         best = last = Reading(build(self.fits, topology, params=params, known=known), topology, self.fits)
         related = frozenset(f for f, fit in enumerate(self.fits) if fit is not self.unrelated[f])
         ways: list[tuple[Reading, Callable[..., PartModel]]] = []
@@ -217,7 +217,7 @@ def _spanned(best: Reading, ways: Sequence[tuple[Reading, Callable[..., PartMode
     """Return a reading in which surfaces between their neighbours take the place of faces that do not fit, if one is better so."""
     rank = {id(reading): len(reading.misfits) + (reading is not best) for reading, _ in ways}
     for reading, way in sorted(ways, key=lambda given: rank[id(given[0])])[:_WAYS]:
-        made = replace(reading, part=way(spanned=True))
+        made = replace(reading, part=way(spanned=1.0))
         if made.betters(best):
             best = made
         if best.fits_together:

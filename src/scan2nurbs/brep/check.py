@@ -58,8 +58,14 @@ class ModelCheck:
         return abs(volume(self.shape)) if self.closed else 0.0
 
 
-def check(shape: Any) -> ModelCheck:
+def check(shape: Any, sound: bool | None = None) -> ModelCheck:
     """Analyse a ``TopoDS_Shape``, as it is and once it is triangulated: edges that only a wide tolerance holds on fail then.
+
+    Parameters
+    ----------
+    shape : TopoDS_Shape
+    sound : bool, optional
+        What `is_sound` said of it, where that is known.
 
     Raises
     ------
@@ -76,7 +82,7 @@ def check(shape: Any) -> ModelCheck:
 
     silence()
     with kernel_errors("analyse the shape"):
-        valid = is_sound(shape)
+        valid = is_sound(shape) if sound is None else sound
         faces, edges = ShapeMap(), EdgeMap()
         TopExp.MapShapes_s(shape, TopAbs_FACE, faces)
         TopExp.MapShapesAndAncestors_s(shape, TopAbs_EDGE, TopAbs_FACE, edges)

@@ -15,8 +15,8 @@ from scan2nurbs.brep.overlay import crossings
 
 Floats = NDArray[np.float64]
 
-_PER_LEAST = 4
-"""Samples of an edge for a loop of the least length."""
+_PER_STEP = 4
+"""Samples of an edge for a loop of the shortest length that is looked for."""
 _FEWEST, _MOST = 8, 800
 """Samples of an edge."""
 
@@ -24,11 +24,25 @@ _FEWEST, _MOST = 8, 800
 def borders_cross(face: Any, least: float) -> bool:
     """Tell whether the borders of a face cross in its parameters, other than in a loop shorter than `least` in space.
 
+    In kernel units; see `longest_lobe`. Shorter loops vanish in triangles of such a size, as where edges meet within the tolerance of their
+    vertex.
+    """
+    return longest_lobe(face, least) > least
+
+
+def longest_lobe(face: Any, step: float) -> float:
+    """Return the length of the longest loop between two places where the borders of a face cross in its parameters.
+
     Parameters
     ----------
     face : TopoDS_Face
-    least : float
-        In kernel units. Shorter loops vanish in triangles of such a size, as where edges meet within the tolerance of their vertex.
+    step : float
+        In kernel units: loops as short as this are found.
+
+    Returns
+    -------
+    float
+        In space; 0 where no borders cross, endless where two wires do.
 
     Raises
     ------
@@ -55,16 +69,16 @@ def borders_cross(face: Any, least: float) -> bool:
             while edges.More():
                 edge = TopoDS.Edge(edges.Value())
                 if not BRep_Tool.Degenerated_s(edge):
-                    parts.append(_samples(edge, face, least))
+                    parts.append(_samples(edge, face, step))
                 edges.Next()
             if parts:
                 loops.append(np.vstack([uv for uv, _ in parts]))
                 lengths.append(np.concatenate([steps for _, steps in parts]))
             wires.Next()
-    return bool(loops) and any(_lobe(pair, loops, lengths) > least for pair in crossings(loops))
+    return max((_lobe(pair, loops, lengths) for pair in crossings(loops)), default=0.0) if loops else 0.0
 
 
-def _samples(edge: Any, face: Any, least: float) -> tuple[Floats, Floats]:
+def _samples(edge: Any, face: Any, step: float) -> tuple[Floats, Floats]:
     """Return points (K, 2) along an edge in the parameters of a face, in its direction, and the length that each of them stands for."""
     from OCP.BRepAdaptor import BRepAdaptor_Curve, BRepAdaptor_Curve2d
     from OCP.GCPnts import GCPnts_AbscissaPoint
@@ -72,7 +86,7 @@ def _samples(edge: Any, face: Any, least: float) -> tuple[Floats, Floats]:
 
     curve, flat = BRepAdaptor_Curve(edge), BRepAdaptor_Curve2d(edge, face)
     length = GCPnts_AbscissaPoint.Length_s(curve)
-    count = int(np.clip(_PER_LEAST * length / least, _FEWEST, _MOST))
+    count = int(np.clip(_PER_STEP * length / step, _FEWEST, _MOST))
     at = np.linspace(flat.FirstParameter(), flat.LastParameter(), count)
     uv = np.array([[point.X(), point.Y()] for point in map(flat.Value, at.tolist())])
     return uv[::-1] if edge.Orientation() == TopAbs_REVERSED else uv, np.full(count, length / count)

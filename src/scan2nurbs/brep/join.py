@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from scan2nurbs.brep.alone import trim_alone
-from scan2nurbs.brep.check import extent_of, is_sound, is_valid, is_valid_meshed
+from scan2nurbs.brep.check import extent_of, is_valid, is_valid_meshed
 from scan2nurbs.brep.endure import endures, spoilt
 from scan2nurbs.brep.measure import rough_area
 from scan2nurbs.brep.occ import KernelError
@@ -70,7 +70,25 @@ class Joined:
     unseen: tuple[int, ...] = ()
 
 
-def join_faces(faces: list[Pieces], how: list[str], around: Surroundings, widest: float, notes: list[str], spanned: float = 0.0) -> Joined:
+@dataclass(frozen=True)
+class Spanning:
+    """Where surfaces between the edges of their neighbours take the place of faces that do not fit.
+
+    Attributes
+    ----------
+    share : float
+        Where these faces have at most this share of the area, [0, 1]; if it is less than 1, then only if that closes the part.
+    widest : float
+        Largest tolerance of such a surface, in h.
+    """
+
+    share: float = 0.0
+    widest: float = 0.0
+
+
+def join_faces(
+    faces: list[Pieces], how: list[str], around: Surroundings, widest: float, notes: list[str], spanning: Spanning | None = None
+) -> Joined:
     """Join faces that share edges; span those that do not fit, or sew their outlines to their neighbours, where that keeps all valid.
 
     Parameters
@@ -84,8 +102,7 @@ def join_faces(faces: list[Pieces], how: list[str], around: Surroundings, widest
         Largest distance of edges that are sewn, in h.
     notes : list of str
         Is told what changed.
-    spanned : float
-        Largest tolerance, in h, of surfaces that take the place of faces that do not fit; 0 for no such surfaces.
+    spanning : Spanning, optional
 
     Raises
     ------
@@ -93,7 +110,7 @@ def join_faces(faces: list[Pieces], how: list[str], around: Surroundings, widest
         If no face is valid at all.
     """
     shown = _shown(faces, how, around, notes)
-    made = _spanned(shown, around, spanned, notes) if spanned > 0.0 else None
+    made = _spanned(shown, around, spanning or Spanning(), notes)
     if made is not None:
         return made
     faces, how, whole = _valid(shown, around, widest, notes)
@@ -108,27 +125,29 @@ def _valid(shown: Joined, around: Surroundings, widest: float, notes: list[str])
         if sewn is not None and endures((joined := _together(sewn)).shape):
             notes.append(f"Faces with outlines of their own were sewn to their neighbours; {joined.n_free_edges} free edges are left.")
             return sewn, how, joined
-    if _good(whole):
+    if whole.good:
         return faces, how, whole
     faces, how, whole = _released(faces, how, around, notes)
-    if _good(whole):
+    if whole.good:
         return faces, how, whole
     faces, how = _mended(faces, how, around, notes)
     whole = _together(faces)
-    if _good(whole):
+    if whole.good:
         return faces, how, whole
     unjoined = loose([face for pieces in faces for face in pieces])
-    if _good(unjoined):
+    if unjoined.good:
         notes.append("The CAD kernel finds the shells of these faces invalid: the faces are not joined to shells.")
         return faces, how, unjoined
     notes.append("The CAD kernel finds faces invalid that share edges: every face has edges of its own.")
     return _parted(faces, how, around, notes)
 
 
-def _spanned(shown: Joined, around: Surroundings, widest: float, notes: list[str]) -> Joined | None:
+def _spanned(shown: Joined, around: Surroundings, spanning: Spanning, notes: list[str]) -> Joined | None:
     """Span faces that do not fit by surfaces between their neighbours, where that keeps all valid and leaves fewer free edges."""
     missing = [f for f, kind in enumerate(shown.how) if kind in ("alone", "lost")]
-    most = widest * around.h * around.scale
+    if not missing or not _allowed(missing, around.topology, spanning.share):
+        return None
+    most = spanning.widest * around.h * around.scale
     found = span(shown.faces, missing, around.topology, around.h, around.scale, most)
     faces, how, said = list(shown.faces), list(shown.how), list[str]()
     for by, face in found.items():
@@ -145,11 +164,18 @@ def _spanned(shown: Joined, around: Surroundings, widest: float, notes: list[str
         return None
     faces = [pieces if own else joined for pieces, joined, own in zip(faces, sewn, left, strict=True)]
     whole = _together(faces)
-    if whole.n_free_edges >= shown.whole.n_free_edges or not _good(whole):
+    most_free = shown.whole.n_free_edges - 1 if spanning.share >= 1.0 else 0
+    if whole.n_free_edges > most_free or not whole.good:
         return None
     instead = tuple(f"Face {f + 1} (" for f in missing if how[f] in ("bent", "covered"))
     notes[:] = [note for note in notes if not (note.startswith(instead) and note.endswith(OUTLINED))] + said
     return Joined(faces, how, whole, shown.unseen)
+
+
+def _allowed(missing: Sequence[int], topology: Topology, share: float) -> bool:
+    """Tell whether faces that do not fit may be spanned; what has an end where the scan ends is not closed by that."""
+    is_open = any(min(border.faces) < 0 for border in topology.borders)
+    return share >= 1.0 or (not is_open and 0.0 < topology.areas[missing].sum() <= share * topology.areas.sum())
 
 
 def _together(faces: Sequence[Pieces]) -> Assembled:
@@ -166,7 +192,7 @@ def _shown(faces: list[Pieces], how: list[str], around: Surroundings, notes: lis
         try:
             # What was trimmed by its own outline may lie on a surface through the mesh.
             wrinkled = [f for f, kind in enumerate(how) if kind in ("bent", "alone")]
-            lost = _joined(unseen(faces, whole.shape, wrinkled), how) if is_valid(whole.shape) else []
+            lost = _joined(unseen(faces, whole.shape, wrinkled), how) if whole.valid else []
         except KernelError:  # what the kernel cannot triangulate at all is found, and told, below
             break
         if not lost:
@@ -216,10 +242,6 @@ def _alone(f: int, around: Surroundings) -> tuple[Pieces, str]:
 def _left(f: int, around: Surroundings, how: Sequence[str], why: str) -> str:
     done = OUTLINED if how[f] == "alone" else "it is left out."
     return f"Face {f + 1} ({around.shapes[f].kind}) {why}: {done}"
-
-
-def _good(whole: Assembled) -> bool:
-    return is_sound(whole.shape) and endures(whole.shape)
 
 
 def _mended(faces: list[Pieces], how: list[str], around: Surroundings, notes: list[str]) -> tuple[list[Pieces], list[str]]:

@@ -31,15 +31,23 @@ def rough_area(shape: Any) -> float:
     return area(shape, None)
 
 
-def volume(shape: Any, accuracy: float = ACCURACY) -> float:
-    """Return the volume that the faces of a closed shape enclose, negative where they face inward, to a relative accuracy."""
+def volume(shape: Any, accuracy: float | None = ACCURACY) -> float:
+    """Return the volume that the faces of a closed shape enclose, negative where they face inward, to a relative accuracy.
+
+    That may take seconds where surfaces are bent; None: see `rough_volume`.
+    """
     from OCP.BRepGProp import BRepGProp
     from OCP.GProp import GProp_GProps
 
     found = GProp_GProps()
     with kernel_errors("measure the shape"):
-        BRepGProp.VolumeProperties_s(shape, found, accuracy)
+        BRepGProp.VolumeProperties_s(shape, found, *([] if accuracy is None else [accuracy]))
     return float(found.Mass())
+
+
+def rough_volume(shape: Any) -> float:
+    """Return the volume that the faces of a closed shape enclose at once, and to about a hundredth of it; see `volume`."""
+    return volume(shape, None)
 
 
 def tolerance(shape: Any) -> float:

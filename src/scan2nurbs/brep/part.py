@@ -18,7 +18,7 @@ from scan2nurbs.brep.cad import tessellate
 from scan2nurbs.brep.check import check, is_valid, is_valid_meshed
 from scan2nurbs.brep.deviation import deviation, sample
 from scan2nurbs.brep.face import kernel_scale
-from scan2nurbs.brep.join import OUTLINED, Surroundings, join_faces
+from scan2nurbs.brep.join import OUTLINED, Spanning, Surroundings, join_faces
 from scan2nurbs.brep.known import Known
 from scan2nurbs.brep.measure import area, rough_area, tolerance, volume
 from scan2nurbs.brep.occ import silence
@@ -187,7 +187,7 @@ def build_part(
     known: Known | None = None,
     fine: bool = False,
     other_way: bool = False,
-    spanned: bool = False,
+    spanned: float = 0.0,
 ) -> PartModel:
     """Build the model of a part from its surfaces and from how they meet.
 
@@ -209,8 +209,9 @@ def build_part(
         is what keeps a face with its neighbours.
     other_way : bool
         As in `trim_part`: one of two ways to give way where faces do not fit.
-    spanned : bool
-        Whether surfaces between the edges of their neighbours may take the place of faces that do not fit.
+    spanned : float
+        Which share of the part's area, [0, 1], faces may have that do not fit and that surfaces between the edges of their neighbours take
+        the place of; 1 where these are taken even if they do not close the part.
 
     Raises
     ------
@@ -310,15 +311,15 @@ def _model(
     factor: float,
     params: ModelParams,
     notes: Sequence[str],
-    spanned: bool,
+    spanned: float,
 ) -> tuple[PartModel, tuple[int, ...]]:
     """Return the model of faces that were trimmed, and those that had to leave it since they would be lost where it is shown."""
     notes, shapes, topology = list(notes), trimmed.shapes, trimmed.topology
     faces, how = _completed(trimmed, unbent, scale.h, factor, params, notes)
     around = Surroundings(shapes, topology, scale.h, factor)
-    joined = join_faces(faces, how, around, params.widest, notes, params.bearable if spanned else 0.0)
+    joined = join_faces(faces, how, around, params.widest, notes, Spanning(spanned, params.bearable))
     faces, how, whole = joined.faces, joined.how, joined.whole
-    found = check(whole.shape)
+    found = check(whole.shape, whole.sound)
     measured = deviation(whole.shape, points, h=scale.h, reach=params.reach * scale.h + 3.0 * scale.noise, scale=factor)
     model = PartModel(
         shape=whole.shape,

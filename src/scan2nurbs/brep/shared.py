@@ -107,16 +107,16 @@ def trim_faces(
     shapes = [known(("wide", f, s), lambda f=f, s=s: widened(s, border_points(topology, f), h)) for f, s in enumerate(shapes)]
     curves, vertices = lay_borders(topology.borders, topology.vertices, shapes, h, caution, known, topology.held)
     work = _Work(curves, vertices, [[] for _ in curves], failures=dict(skipped))
-    layouts = [None if f in skipped else _layout(work, shape, _loops(topology, f), f, h, scale) for f, shape in enumerate(shapes)]
+    layouts = [None if f in skipped else _layout(work, shape, _loops(topology, f), f, h, scale, known) for f, shape in enumerate(shapes)]
     _cut(work, known)
-    kernel = KernelPart(work.vertices, work.pieces, scale, 0.0)
+    kernel = KernelPart(work.vertices, work.pieces, scale, 0.0, known)
     faces: list[list[Any]] = [[] for _ in shapes]
     for f, layout in enumerate(layouts):
         if layout is None:
             continue
         try:
             loops = [[p for k, forward in loop for p in _pieces_of(work, k, forward)] for loop in _loops(topology, f)]
-            for wires in regions(layout, [steps_of(layout, loop, work.pieces) for loop in loops]):
+            for wires in regions(layout, [steps_of(layout, loop, work.pieces, known) for loop in loops]):
                 with kernel_errors("make the face"):
                     faces[f].append(kernel.face(layout, wires, topology.outward[f] < 0))
         except (NoResultError, ValueError, IndexError) as error:
@@ -154,16 +154,26 @@ def border_points(topology: Topology, f: int) -> Floats:
     return np.vstack([np.empty((0, 3)), *(topology.borders[k].points for loop in topology.loops[f] for k, _ in loop)])
 
 
-def _layout(work: _Work, shape: Shape, loops: list[Any], f: int, h: float, scale: float) -> Layout | None:
-    try:
-        chart = chart_of(shape, scale, towards=sphere_axis(shape, loops, work.curves))
-        layout = lay_out(chart, loops, work.curves, work.marks, h)
-        if any(layout.cut):
-            for k in sorted({k for loop in loops for k, _ in loop}):
-                _mark(work.marks[k], cuts(layout, work.curves[k], h), work.curves[k], h)
-    except (NoResultError, ValueError) as error:
-        work.failures[f] = str(error)
+def _layout(work: _Work, shape: Shape, loops: list[Any], f: int, h: float, scale: float, known: Known) -> Layout | None:
+    """Lay a face out, and mark where its seams cut its borders."""
+    around = list(dict.fromkeys(k for loop in loops for k, _ in loop))
+
+    def lay() -> tuple[Layout | None, list[list[float]], str]:
+        try:
+            chart = chart_of(shape, scale, towards=sphere_axis(shape, loops, work.curves))
+            layout = lay_out(chart, loops, work.curves, work.marks, h)
+            return layout, [cuts(layout, work.curves[k], h) if any(layout.cut) else [] for k in around], ""
+        except (NoResultError, ValueError) as error:
+            return None, [], str(error)
+
+    borders = [given for loop in loops for k, forward in loop for given in (len(loop), work.curves[k], forward)]
+    marks = [np.array(work.marks[k]).tobytes() for k in around]
+    layout, found, why_not = known(("layout", f, shape, *borders, *marks), lay)
+    if layout is None:
+        work.failures[f] = why_not
         return None
+    for k, at in zip(around, found, strict=True):
+        _mark(work.marks[k], at, work.curves[k], h)
     return layout
 
 

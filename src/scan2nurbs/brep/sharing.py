@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from scan2nurbs.brep.charts import Chart
+from scan2nurbs.brep.known import Known
 from scan2nurbs.brep.layout import Layout
 from scan2nurbs.brep.occ import CONFUSION, to_knots, to_points
 from scan2nurbs.brep.regions import Side, Step, Wire
@@ -69,14 +70,16 @@ class KernelPart:
         Kernel lengths over the model's.
     least : float
         Smallest tolerance, in the kernel's lengths.
+    known : Known, optional
+        What was computed for pieces of the same curves in the same layouts.
     """
 
-    def __init__(self, vertices: Floats, pieces: Sequence[Piece], scale: float, least: float) -> None:
+    def __init__(self, vertices: Floats, pieces: Sequence[Piece], scale: float, least: float, known: Known | None = None) -> None:
         from OCP.BRep import BRep_Builder
 
         self.build = BRep_Builder()
         self.points, self.pieces, self.scale = vertices, pieces, scale
-        self.least = max(CONFUSION, least)
+        self.least, self.known = max(CONFUSION, least), known or Known()
         self._geometries: dict[int, Any] = {}
         self.vertices = [self._vertex(point) for point in vertices]
         self.edges = [self._edge(piece) for piece in pieces]
@@ -145,9 +148,10 @@ class KernelPart:
 
         edge, piece = self.edges[step.piece], self.pieces[step.piece]
         if layout.chart.period[0] is not None or not _is_plane(layout.chart):
-            curve, gap = pcurve(layout, piece, self.scale)
-            tolerance = max(self.least, _MARGIN * gap * self.scale)
-            self.build.UpdateEdge(edge, curve, geometry, TopLoc_Location(), tolerance)
+            given = ("pcurve", layout, piece.curve, *piece.domain, piece.gap)
+            flat = self.known(given, lambda: pcurve(layout, piece, self.scale))
+            tolerance = max(self.least, _MARGIN * flat.gap * self.scale)
+            self.build.UpdateEdge(edge, flat.geometry(), geometry, TopLoc_Location(), tolerance)
             for node in piece.nodes:
                 self.build.UpdateVertex(self.vertices[node], 1.01 * tolerance)
         return edge.Oriented(TopAbs_FORWARD if step.forward else TopAbs_REVERSED)
@@ -232,13 +236,36 @@ def _line_2d(axis: int, value: float) -> Any:
     return Geom2d_Line(gp_Pnt2d(*(point if axis == 0 else point[::-1])), gp_Dir2d(*(direction if axis == 0 else direction[::-1])))
 
 
-def pcurve(layout: Layout, piece: Piece, scale: float) -> tuple[Any, float]:
-    """Return a piece as a curve of the kernel in the parameters of a face, over the same parameters, and its largest distance in space.
+@dataclass(frozen=True)
+class FlatPiece:
+    """A piece in the parameters of a face, over the parameters that it has in the kernel.
+
+    Attributes
+    ----------
+    poles : (K, 2) float64
+    knots : (K + degree + 1,) float64
+    degree : int
+    gap : float
+        Its largest distance from the piece, in space.
+    """
+
+    poles: Floats
+    knots: Floats
+    degree: int
+    gap: float
+
+    def geometry(self) -> Any:
+        """Return it as a curve of the kernel."""
+        from OCP.Geom2d import Geom2d_BSplineCurve
+
+        return Geom2d_BSplineCurve(to_points(self.poles), *to_knots(self.knots), self.degree)
+
+
+def pcurve(layout: Layout, piece: Piece, scale: float) -> FlatPiece:
+    """Return a piece in the parameters of a face.
 
     A straight line where it is one, else a spline through as many points as its distance in space asks for.
     """
-    from OCP.Geom2d import Geom2d_BSplineCurve
-
     t = piece.samples()
     uv = _tidy(layout, layout.within(layout.chart.uv(piece.curve(t))))
     share = ((t - t[0]) / (t[-1] - t[0]))[:, None]
@@ -248,7 +275,7 @@ def pcurve(layout: Layout, piece: Piece, scale: float) -> tuple[Any, float]:
     if on_line <= max(_STRAIGHT * size, 0.5 * CONFUSION / scale):
         kernel = np.array([piece.curve.in_kernel(x, scale) for x in (t[0], t[-1])])
         gap = np.linalg.norm(layout.chart.point(straight) - piece.curve(t), axis=1).max()
-        return Geom2d_BSplineCurve(to_points(uv[[0, -1]]), *to_knots(np.repeat(kernel, 2)), 1), float(gap)
+        return FlatPiece(uv[[0, -1]], np.repeat(kernel, 2), 1, float(gap))
     while True:
         made = make_interp_spline(t, uv, k=3)
         middles = 0.5 * (t[:-1] + t[1:])
@@ -263,7 +290,7 @@ def pcurve(layout: Layout, piece: Piece, scale: float) -> tuple[Any, float]:
         uv = _tidy(layout, layout.within(layout.chart.uv(piece.curve(t))))
     knots = np.array([piece.curve.in_kernel(float(x), scale) for x in made.t])
     gap = max(float(gap.max()), float(np.linalg.norm(layout.chart.point(uv) - piece.curve(t), axis=1).max()))
-    return Geom2d_BSplineCurve(to_points(np.ascontiguousarray(made.c)), *to_knots(knots), 3), gap
+    return FlatPiece(np.ascontiguousarray(made.c), knots, 3, gap)
 
 
 def _tidy(layout: Layout, uv: Floats) -> Floats:
@@ -275,11 +302,12 @@ def _tidy(layout: Layout, uv: Floats) -> Floats:
     return uv
 
 
-def steps_of(layout: Layout, loop: Sequence[tuple[int, bool]], pieces: Sequence[Piece]) -> list[Step]:
+def steps_of(layout: Layout, loop: Sequence[tuple[int, bool]], pieces: Sequence[Piece], known: Known) -> list[Step]:
     """Return the pieces of a loop within the parameter rectangle of a face."""
     steps = []
     for number, forward in loop:
         piece = pieces[number]
-        uv = _tidy(layout, layout.within(layout.chart.uv(piece.curve(piece.samples()))))
+        given = ("step", layout, piece.curve, *piece.domain)
+        uv = known(given, lambda p=piece: _tidy(layout, layout.within(layout.chart.uv(p.curve(p.samples())))))
         steps.append(Step(number, forward, uv, piece.nodes if forward else (piece.nodes[1], piece.nodes[0])))
     return steps

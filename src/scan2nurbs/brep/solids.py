@@ -7,9 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
-from scan2nurbs.brep.measure import volume
+from scan2nurbs.brep.check import is_valid, is_valid_meshed
+from scan2nurbs.brep.endure import endures
+from scan2nurbs.brep.measure import rough_volume
 
 
 @dataclass(frozen=True)
@@ -31,6 +34,21 @@ class Assembled:
     n_solids: int
     n_free_edges: int
     joined: bool = True
+
+    @cached_property
+    def valid(self) -> bool:
+        """Whether the kernel's own analysis finds nothing wrong with it."""
+        return is_valid(self.shape)
+
+    @cached_property
+    def sound(self) -> bool:
+        """Whether it is also valid once it is triangulated, as `is_sound` tells."""
+        return self.valid and is_valid_meshed(self.shape, every=False)
+
+    @cached_property
+    def good(self) -> bool:
+        """Whether it is sound, and is so once it is read from a file."""
+        return self.sound and endures(self.shape)
 
 
 def assemble(faces: Sequence[Any]) -> Assembled:
@@ -143,7 +161,7 @@ def _solids(shells: Sequence[Any]) -> list[Any]:
     from OCP.BRep import BRep_Builder
     from OCP.TopoDS import TopoDS, TopoDS_Solid
 
-    volumes = [volume(shell) for shell in shells]
+    volumes = [rough_volume(shell) for shell in shells]
     outer = [k for k, v in enumerate(volumes) if v > 0]
     inner: dict[int, list[int]] = {k: [] for k in outer}
     for k in (k for k, v in enumerate(volumes) if v <= 0):

@@ -6,17 +6,18 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from itertools import repeat
 from typing import Any
 
 from scan2nurbs.brep.check import is_valid
-from scan2nurbs.brep.crossing import borders_cross
+from scan2nurbs.brep.crossing import longest_lobe
 from scan2nurbs.brep.measure import rough_area
 from scan2nurbs.brep.occ import CONFUSION, kernel_errors
 from scan2nurbs.brep.solids import compound
 
 _VIEWS = ((0.01, 0.5, False), (0.002, 0.1, False), (0.002, 0.5, True), (0.002, 0.1, True), (1 / 3000, 0.1, True))
-"""Deflection, as a share of the root of the part's area, and angle: what viewers and mesh exporters commonly take. Whether triangles may be
-as small as the kernel likes, as viewers have it: then for surfaces without wrinkles only."""
+"""Deflection, as a share of the root of the part's area, the finest last, and angle: what viewers and mesh exporters commonly take. Whether
+triangles may be as small as the kernel likes, as viewers have it: then for surfaces without wrinkles only."""
 _LEAST = 5e-4
 """Least size of the other triangles, as such a share."""
 _LOOP = 0.008
@@ -52,25 +53,22 @@ def unseen(faces: Sequence[Pieces], shape: Any, wrinkled: Collection[int] = ()) 
     every = dict(enumerate(faces))
     with kernel_errors("triangulate the part"):
         size = max(rough_area(shape), CONFUSION**2) ** 0.5
-        lost = _tangled(every, _LOOP * size)
+        lobes = {f: max(map(_lobe_of, pieces, repeat(_VIEWS[-1][0] * size)), default=0.0) for f, pieces in every.items()}
+        lost = {f for f, lobe in lobes.items() if lobe > _LOOP * size}
         for deflection, angle, small in _VIEWS:
             # What is lost in coarse triangles is not asked for fine ones, which may take the kernel minutes then.
-            spared = _tangled(every, deflection * size).union(wrinkled) if small else set[int]()
+            spared = {f for f, lobe in lobes.items() if lobe > deflection * size}.union(wrinkled) if small else set[int]()
             shown = {f: pieces for f, pieces in every.items() if f not in lost | spared}
             lost.update(_lost(shown, deflection * size, angle, None if small else _LEAST * size) if shown else ())
         return sorted(lost)
 
 
-def _tangled(faces: Mapping[int, Pieces], least: float) -> set[int]:
-    return {f for f, pieces in faces.items() if any(_is_tangled(piece, least) for piece in pieces)}
-
-
-def _is_tangled(face: Any, least: float) -> bool:
-    """Tell whether the borders of a face cross that is not plane: of a plane one the kernel joins the points of its borders alone."""
+def _lobe_of(face: Any, step: float) -> float:
+    """Return the longest loop between borders that cross, of a face that is not plane: there the kernel joins the borders' points alone."""
     from OCP.BRepAdaptor import BRepAdaptor_Surface
     from OCP.GeomAbs import GeomAbs_Plane
 
-    return BRepAdaptor_Surface(face).GetType() != GeomAbs_Plane and borders_cross(face, least)
+    return 0.0 if BRepAdaptor_Surface(face).GetType() == GeomAbs_Plane else longest_lobe(face, step)
 
 
 def _lost(faces: Mapping[int, Pieces], deflection: float, angle: float, least: float | None) -> list[int]:
