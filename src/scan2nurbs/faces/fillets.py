@@ -1,7 +1,8 @@
-"""Look for narrow fillets between neighbouring faces: strips too narrow to have normals of their own."""
+"""Look for narrow fillets between two faces: strips too narrow to have normals, or a surface, of their own."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,33 +10,37 @@ from numpy.typing import NDArray
 
 from scan2nurbs.faces.compete import MODEL_COST, Sheet, grouped
 from scan2nurbs.faces.model_shapes import field
+from scan2nurbs.faces.rolling import FEWER, Corner, corner_of
 from scan2nurbs.faces.unite import contacts
 from scan2nurbs.kernels.gauss_newton import refine
-from scan2nurbs.kernels.growth import DISTANCE_CAP
 from scan2nurbs.kernels.primitives import CYLINDER, PATCH, SIZE, TORUS
 
-RADII = 0.9 * 1.15 ** np.arange(16)
-"""Radii to try, in h: smaller fillets are as good as sharp at any noise, larger ones are found like every other face."""
 RINGS = 5
-LEAST_TURN = 25.0
 LEAST_POINTS = 12
 NORMAL_REACH = 1.5
+NARROW = 5
+"""Strips have at most so many points for each that lies beside either of the two faces: they are about twice as many h wide."""
 
 
 @dataclass(frozen=True)
-class _Corner:
-    """Points about the border of two faces: distances from both, positive on the side where the other face lies."""
+class _Place:
+    """Where a fillet may be.
+
+    Attributes
+    ----------
+    points : (N,) int64
+    corner : Corner
+        Of these points.
+    now : (N,) float64
+        Distances from the surface that each point has without a fillet.
+    n_strip : int
+        How many of them, the last ones, are a strip between the two faces.
+    """
 
     points: NDArray[np.int64]
-    u: NDArray[np.float64]
-    v: NDArray[np.float64]
-    m1: NDArray[np.float64]
-    m2: NDArray[np.float64]
-
-    @property
-    def cosine(self) -> NDArray[np.float64]:
-        """Cosine of the angle between the two directions (N,)."""
-        return np.clip(np.einsum("ij,ij->i", self.m1, self.m2), -0.98, 0.98)
+    corner: Corner
+    now: NDArray[np.float64]
+    n_strip: int
 
 
 def find_fillets(
@@ -56,92 +61,99 @@ def find_fillets(
 
     Notes
     -----
-    In the plane across the border the ball's centre is as far from both faces as its radius r. A point between the two lines of contact
-    is off the fillet by sqrt((a² + b² − 2abc) / (1 − c²)) − r, with a, b its distances from both faces less r and c the cosine between
-    their normals. The radius of the least robust sum of squares is taken.
+    The radius of the least robust sum of squares is taken, see `Corner`.
     """
-    pairs, count, _ = contacts(label, sheet.neighbours)
-    order, starts = grouped(label, len(models))
-    label, normals, found = label.copy(), sheet.normals.copy(), [models]
-    n = len(models)
-    for (i, j), links in zip(pairs, count, strict=True):
-        if links < LEAST_POINTS or PATCH in (int(models[i, 0]), int(models[j, 0])):
+    normals, found, n = sheet.normals.copy(), [models], len(models)
+    given, label = label, label.copy()
+    for place in _places(sheet, given, models):
+        corner = place.corner
+        radius = _radius(place, sheet.sigma)
+        if radius is None:
             continue
-        corner = _corner(sheet, label, models, int(i), int(j), order, starts)
-        if corner is None:
-            continue
-        radius, gain = _best_radius(corner, sheet.sigma)
-        zone = _zone(corner, radius, 0.0) & (np.abs(_off(corner, radius)) < 3.0 * sheet.sigma)
-        if radius <= 0.0 or zone.sum() < LEAST_POINTS or gain < MODEL_COST + 2.5 * np.log(zone.sum()):
-            continue
-        model = _rolled(sheet, corner, radius, zone)
+        zone = corner.zone(radius) & (np.abs(corner.off(radius)) < 3.0 * sheet.sigma)
+        model = _rolled(sheet, place, radius, zone) if zone.sum() >= LEAST_POINTS else None
         if model is None:
             continue
-        label[corner.points[_zone(corner, radius, 0.0) & (corner.u > -3.0 * sheet.sigma) & (corner.v > -3.0 * sheet.sigma)]] = n
-        normals[corner.points[_zone(corner, radius, NORMAL_REACH)]] = np.nan
+        label[place.points[corner.zone(radius) & (corner.u > -3.0 * sheet.sigma) & (corner.v > -3.0 * sheet.sigma)]] = n
+        if not place.n_strip:  # a strip that grew by its normals keeps them
+            normals[place.points[corner.zone(radius, NORMAL_REACH)]] = np.nan
         found.append(model[None])
         n += 1
     return replace(sheet, normals=normals), label, np.concatenate(found)
 
 
-def _corner(
+def _places(sheet: Sheet, label: NDArray[np.int32], models: NDArray[np.float64]) -> Iterator[_Place]:
+    """Yield where fillets may be: along borders of two faces, and in narrow strips between two faces."""
+    pairs, count, _ = contacts(label, sheet.neighbours)
+    regions = grouped(label, len(models))
+    order, starts = regions
+    for (i, j), links in zip(pairs.tolist(), count.tolist(), strict=True):
+        if links >= LEAST_POINTS and PATCH not in (int(models[i, 0]), int(models[j, 0])):
+            place = _place(sheet, label, models, (i, j), regions)
+            if place is not None:
+                yield place
+    for strip in range(len(models)):
+        mine = order[starts[strip] : starts[strip + 1]]
+        around = pairs[(pairs == strip).any(axis=1)].sum(axis=1) - strip
+        beside = sorted((-int((label[sheet.neighbours[mine]] == face).any(axis=1).sum()), face) for face in around.tolist())[:2]
+        if len(mine) < LEAST_POINTS or len(beside) < 2 or len(mine) > -NARROW * beside[1][0]:
+            continue
+        i, j = sorted(face for _, face in beside)
+        if PATCH not in (int(models[i, 0]), int(models[j, 0])):
+            place = _place(sheet, label, models, (i, j), regions, strip)
+            if place is not None:
+                yield place
+
+
+def _place(
     sheet: Sheet,
     label: NDArray[np.int32],
     models: NDArray[np.float64],
-    i: int,
-    j: int,
-    order: NDArray[np.int32],
-    starts: NDArray[np.int64],
-) -> _Corner | None:
-    sides = []
-    for own, other in ((i, j), (j, i)):
+    pair: tuple[int, int],
+    regions: tuple[NDArray[np.int32], NDArray[np.int64]],
+    strip: int | None = None,
+) -> _Place | None:
+    """Return the place between two faces that touch, or that a strip lies between; None where they hardly turn, or one is too small."""
+    order, starts = regions
+    bands = []
+    for own, other in (pair, pair[::-1]):
         mine = order[starts[own] : starts[own + 1]]
-        band = mine[(label[sheet.neighbours[mine]] == other).any(axis=1)]
+        band = mine[(label[sheet.neighbours[mine]] == (other if strip is None else strip)).any(axis=1)]
         for _ in range(RINGS):
             wider = np.unique(sheet.neighbours[band])
-            band = wider[label[wider] == own]
+            band = wider[(wider >= 0) & (label[wider] == own)]
         if len(band) < LEAST_POINTS:
             return None
-        sides.append(band)
-    points = np.concatenate(sides)
-    first, second = field(models[i], sheet.points[points]), field(models[j], sheet.points[points])
-    on_i = np.arange(len(points)) < len(sides[0])
-    s1, s2 = np.sign(np.median(first[~on_i, 0])), np.sign(np.median(second[on_i, 0]))
-    corner = _Corner(points.astype(np.int64), s1 * first[:, 0], s2 * second[:, 0], s1 * first[:, 1:], s2 * second[:, 1:])
-    if np.median(np.abs(corner.cosine)) > np.cos(np.radians(LEAST_TURN)):
+        bands.append(band)
+    if strip is not None:
+        bands.append(order[starts[strip] : starts[strip + 1]])
+    points = np.concatenate(bands).astype(np.int64)
+    side = np.repeat(np.arange(len(bands)), [len(band) for band in bands])
+    first, second = (field(models[k], sheet.points[points]) for k in pair)
+    corner = corner_of(first, second, side)
+    if corner is None:
         return None
-    return corner
+    now = corner.sharp
+    if strip is not None:
+        now[side == 2] = np.abs(field(models[strip], sheet.points[points[side == 2]])[:, 0])
+    return _Place(points, corner, now, int((side == 2).sum()))
 
 
-def _off(corner: _Corner, radius: float) -> NDArray[np.float64]:
-    a, b, c = corner.u - radius, corner.v - radius, corner.cosine
-    return np.sqrt(np.maximum(a * a + b * b - 2.0 * a * b * c, 0.0) / (1.0 - c * c)) - radius
+def _radius(place: _Place, sigma: float) -> float | None:
+    """Return the radius of the fillet at a place; None where there is none, or it does not pay."""
+    radius, gain = place.corner.best_radius(place.now, sigma)
+    if place.n_strip:
+        return radius if gain >= -FEWER * np.log(place.n_strip) else None
+    n = int((place.corner.zone(radius) & (np.abs(place.corner.off(radius)) < 3.0 * sigma)).sum())
+    return radius if n and gain >= MODEL_COST + 2.5 * np.log(n) else None
 
 
-def _zone(corner: _Corner, radius: float, margin: float) -> NDArray[np.bool_]:
-    """Tell which points lie between the two lines of contact."""
-    reach = radius * (1.0 - corner.cosine) + margin
-    return (corner.u < reach) & (corner.v < reach)
-
-
-def _best_radius(corner: _Corner, sigma: float) -> tuple[float, float]:
-    sharp = np.minimum(np.abs(corner.u), np.abs(corner.v))
-
-    def cost(residual: NDArray[np.float64]) -> float:
-        return float(np.minimum(0.5 * (residual / sigma) ** 2, DISTANCE_CAP).sum())
-
-    before = cost(sharp)
-    costs = [cost(np.where(_zone(corner, r, 0.0), _off(corner, r), sharp)) for r in RADII]
-    best = int(np.argmin(costs))
-    return float(RADII[best]), before - costs[best]
-
-
-def _rolled(sheet: Sheet, corner: _Corner, radius: float, zone: NDArray[np.bool_]) -> NDArray[np.float64] | None:
+def _rolled(sheet: Sheet, place: _Place, radius: float, zone: NDArray[np.bool_]) -> NDArray[np.float64] | None:
     """Return the cylinder or torus whose spine is the curve of the ball's centres."""
-    p = sheet.points[corner.points[zone]]
-    c = corner.cosine[zone]
-    a, b = radius - corner.u[zone], radius - corner.v[zone]
-    along = ((a - c * b) / (1.0 - c * c))[:, None] * corner.m1[zone] + ((b - c * a) / (1.0 - c * c))[:, None] * corner.m2[zone]
+    corner = place.corner
+    p, c = sheet.points[place.points[zone]], corner.cosine[zone]
+    a, b, (m1, m2) = radius - corner.u[zone], radius - corner.v[zone], corner.directions
+    along = ((a - c * b) / (1.0 - c * c))[:, None] * m1[zone] + ((b - c * a) / (1.0 - c * c))[:, None] * m2[zone]
     centre = p + along
     middle = centre.mean(axis=0)
     _, width, axes = np.linalg.svd(centre - middle, full_matrices=False)
@@ -158,7 +170,7 @@ def _rolled(sheet: Sheet, corner: _Corner, radius: float, zone: NDArray[np.bool_
             return None
         model[0], model[1:4], model[4:7] = TORUS, middle + x0 * axes[0] + y0 * axes[1], axes[2]
         model[7], model[8] = major, radius
-    index = corner.points[zone].astype(np.int32)
+    index = place.points[zone].astype(np.int32)
     trial = model.copy()
     refine(trial, sheet.points, index, len(index), sheet.sigma, 4)
     radius_after = trial[7] if int(model[0]) == CYLINDER else trial[8]

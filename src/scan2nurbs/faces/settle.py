@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from scan2nurbs.faces.contacts import LEAST, Contact, Contacts, face_contacts
+from scan2nurbs.faces.strips import settle_strips
 from scan2nurbs.scale import Scale
 from scan2nurbs.surfaces.shape import Floats
 from scan2nurbs.surfaces.shape_fit import ShapeFit
@@ -59,12 +60,12 @@ def settle_borders(points: Floats, label: NDArray[np.int32], fits: Sequence[Shap
     contact; these normals are the surfaces' own and have no noise. How much they differ orders the points across the border, and of all
     ways to cut this order in two that of the least squares is taken.
     """
-    label = label.copy()
+    label, settled = settle_strips(points, label, fits, face_contacts(label, scale), scale.h, noise)
     for _ in range(ROUNDS):
         contacts = face_contacts(label, scale)
         best = np.full(len(label), REACH * noise)
         moved = label.copy()
-        for contact in contacts.found:
+        for contact in (contact for contact in contacts.found if contact.pair not in settled):
             for own, other, rows in _strays(points, label, fits, contacts, contact, noise):
                 d = np.abs(fits[other].shape.distance(points[rows])) if len(rows) else np.zeros(0)
                 closer = (d < best[rows]) & (label[rows] == own)
