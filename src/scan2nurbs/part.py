@@ -25,6 +25,7 @@ from scan2nurbs.kernels.runner import Progress
 from scan2nurbs.part_faces import BoundaryStep, Parted, by_topology, corrected, corrected_edges, deviations
 from scan2nurbs.part_readings import build_from_readings, without_dissolved, without_relations
 from scan2nurbs.part_report import part_report
+from scan2nurbs.ranges import require_instance
 from scan2nurbs.report.colours import face_colours
 from scan2nurbs.report.record import Stopwatch
 from scan2nurbs.scale import Scale, measure_scale, require_surface
@@ -81,6 +82,12 @@ class PartParams:
     relation_params: RelationParams = field(default_factory=RelationParams)
     topology: TopologyParams = field(default_factory=TopologyParams)
     model: ModelParams = field(default_factory=ModelParams)
+
+    def __post_init__(self) -> None:
+        """Check what the stages' own dataclasses do not."""
+        for name, kind in (("edges", EdgeParams), ("segment", SegmentParams), ("topology", TopologyParams), ("model", ModelParams)):
+            require_instance(getattr(self, name), name, "reconstruct", kind)
+        require_instance(self.relation_params, "relation_params", "reconstruct", RelationParams)
 
 
 @dataclass(frozen=True)
@@ -166,6 +173,7 @@ def reconstruct(
         If the points lie on no surface, or no face is found among them.
     """
     params = params or PartParams()
+    require_instance(params, "params", "reconstruct", PartParams)
     watch = Stopwatch()
     parted = part_scan(source, params, unit=unit, progress=progress, watch=watch, run=run)
     do = _runner(watch, run)
@@ -234,6 +242,7 @@ def part_scan(
         If the points lie on no surface, or no face is found among them.
     """
     params, watch = params or PartParams(), watch or Stopwatch()
+    require_instance(params, "params", "segment", PartParams)
     do = _runner(watch, run)
     cloud = do("read", (str(source), unit), lambda: as_cloud(source, unit))
     scale = do("scale", None, lambda: _measured(cloud, progress))

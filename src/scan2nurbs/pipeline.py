@@ -24,6 +24,7 @@ from scan2nurbs.faces.inside import enclosed_by_centroid
 from scan2nurbs.faces.region import Region, RegionParams, group_points
 from scan2nurbs.faces.trim import REACH, Trim, trim_region
 from scan2nurbs.kernels.runner import Progress, thread_count
+from scan2nurbs.ranges import require_instance
 from scan2nurbs.report.record import Stopwatch
 from scan2nurbs.scale import Scale, measure_scale, require_surface
 from scan2nurbs.surface_report import surface_report
@@ -62,6 +63,8 @@ class SurfaceParams:
 
     def __post_init__(self) -> None:
         """Check what the stages' own dataclasses do not."""
+        for name, kind in (("edges", EdgeParams), ("boundary", BoundaryParams), ("region", RegionParams), ("fit", FitParams)):
+            require_instance(getattr(self, name), name, "reconstruct_surface", kind)
         if self.grouping not in ("basins", "algorithm-3"):
             raise ParameterError(f"The 'grouping' of reconstruct_surface must be 'basins' or 'algorithm-3'. Got {self.grouping!r} instead.")
 
@@ -153,6 +156,7 @@ def reconstruct_surface(
     The paper's procedure (section 2), automatic: the result depends on the points and the parameters alone.
     """
     params = params or SurfaceParams()
+    require_instance(params, "params", "reconstruct_surface", SurfaceParams)
     params = replace(params, edges=params.edges.resolved("one-sided"))
     watch = Stopwatch()
 

@@ -23,9 +23,10 @@ from scan2nurbs.brep.known import Known
 from scan2nurbs.brep.measure import area, rough_area, tolerance, volume
 from scan2nurbs.brep.occ import silence
 from scan2nurbs.brep.solids import compound
-from scan2nurbs.errors import InputError, NoResultError, ParameterError
+from scan2nurbs.errors import InputError, NoResultError
 from scan2nurbs.faces.topology import Fitted, Topology
 from scan2nurbs.kernels.runner import Progress
+from scan2nurbs.ranges import require_float
 from scan2nurbs.scale import Scale
 
 Floats = NDArray[np.float64]
@@ -59,9 +60,7 @@ class ModelParams:
     def __post_init__(self) -> None:
         """Refuse values out of range."""
         for name in ("widest", "bearable", "reach"):
-            value = getattr(self, name)
-            if not 0.0 < value < float("inf"):
-                raise ParameterError(f"The '{name}' of ModelParams must be a number in (0, inf). Got {value!r} instead.")
+            require_float(getattr(self, name), name, "build_part", 0)
 
 
 @dataclass(frozen=True)

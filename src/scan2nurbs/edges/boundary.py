@@ -13,8 +13,8 @@ from scan2nurbs.edges.clean import CleanParams, clean_boundary, near_curves
 from scan2nurbs.edges.corrections import Selection
 from scan2nurbs.edges.curves import BoundaryCurve, CurveParams, trace_curves
 from scan2nurbs.edges.detect import Edges
-from scan2nurbs.edges.ranges import require_choice, require_float, require_int
 from scan2nurbs.edges.thin import ThinParams, approximate_boundary, thin_boundary
+from scan2nurbs.ranges import require_choice, require_float, require_int
 from scan2nurbs.scale import Scale
 
 

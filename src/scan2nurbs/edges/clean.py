@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from scan2nurbs.edges.ranges import require_choice, require_float, require_int
 from scan2nurbs.kernels.cells import build_cells
 from scan2nurbs.kernels.thinning import join_groups
+from scan2nurbs.ranges import require_choice, require_float, require_int
 
 # A median absolute deviation times this is the standard deviation of a normal distribution.
 _MAD = 1.4826

@@ -11,8 +11,8 @@ from scipy.interpolate import BSpline
 
 from scan2nurbs.edges.graph import order_points
 from scan2nurbs.edges.polyline import arc_length, find_corners, resample
-from scan2nurbs.edges.ranges import require_float, require_int
 from scan2nurbs.edges.splinefit import fit_spline
+from scan2nurbs.ranges import require_float, require_int
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scan2nurbs.edges.clean import CleanParams, clean_boundary
-from scan2nurbs.edges.ranges import require_float, require_int
 from scan2nurbs.kernels.cells import Cells, build_cells
 from scan2nurbs.kernels.creases import fit_wedges
 from scan2nurbs.kernels.thinning import ball_covariances, centroid_cover
+from scan2nurbs.ranges import require_float, require_int
 
 CREASE, RIDGE, KEPT = 2, 1, 0
 """Status of a boundary point: moved onto the crease of two faces, onto the middle line of its band, or left where it was."""

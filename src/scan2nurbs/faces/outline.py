@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scan2nurbs.edges.polyline import resample
-from scan2nurbs.edges.ranges import require_float
 from scan2nurbs.errors import NoResultError, ParameterError
 from scan2nurbs.faces.contours import Contour, FaceRaster, trace_contours
 from scan2nurbs.faces.crossings import crossing_loops, cut_small_loops
 from scan2nurbs.faces.snapping import Creases, snap_contour
+from scan2nurbs.ranges import require_float
 
 Array = NDArray[np.float64]
 

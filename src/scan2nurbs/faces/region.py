@@ -21,6 +21,7 @@ from scan2nurbs.faces.basins import find_surfaces
 from scan2nurbs.kernels.moments import ball_planes
 from scan2nurbs.kernels.nearest import nearest_neighbours
 from scan2nurbs.kernels.runner import thread_count
+from scan2nurbs.ranges import require_int
 from scan2nurbs.scale import Scale
 
 NEIGHBOURS = 8
@@ -62,10 +63,17 @@ class RegionParams:
 
     def __post_init__(self) -> None:
         """Check every range."""
-        if self.seed is not None and not np.isfinite(np.asarray(self.seed, dtype=float)).all():
-            raise ParameterError(f"The 'seed' of group_points must be three finite numbers. Got {self.seed!r} instead.")
-        if self.min_points < 3:
-            raise ParameterError(f"The 'min_points' of group_points must be an int in [3, inf). Got {self.min_points!r} instead.")
+        if self.seed is not None and not _is_place(self.seed):
+            raise ParameterError(f"The 'seed' parameter of group_points must be three finite numbers. Got {self.seed!r} instead.")
+        require_int(self.min_points, "min_points", "group_points", 3)
+
+
+def _is_place(value: object) -> bool:
+    try:
+        place = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        return False
+    return place.shape == (3,) and bool(np.isfinite(place).all())
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,9 +19,12 @@ from scan2nurbs.kernels.bends import bends
 from scan2nurbs.kernels.nearest import nearest_neighbours
 from scan2nurbs.kernels.primitives import KIND_NAMES, PATCH
 from scan2nurbs.kernels.runner import Progress
+from scan2nurbs.ranges import require_float, require_int
 from scan2nurbs.scale import Scale, measure_scale
 from scan2nurbs.surfaces.shape import KINDS, Kind
 from scan2nurbs.surfaces.shape_fit import ShapeFit
+
+_OWNER = "segment_points"
 
 NEIGHBOURS = 12
 TILT = 0.12
@@ -59,16 +61,14 @@ class SegmentParams:
 
     def __post_init__(self) -> None:
         """Check every range."""
-        if self.tolerance is not None and not 0.0 < self.tolerance < math.inf:
-            raise ParameterError(f"The 'tolerance' of segment_points must be a float in (0, inf). Got {self.tolerance!r} instead.")
-        if self.max_faces is not None and self.max_faces < 1:
-            raise ParameterError(f"The 'max_faces' of segment_points must be an int in [1, inf). Got {self.max_faces!r} instead.")
-        if self.min_points < 6:
-            raise ParameterError(f"The 'min_points' of segment_points must be an int in [6, inf). Got {self.min_points!r} instead.")
-        if self.most_points < 1000:
-            raise ParameterError(f"The 'most_points' of segment_points must be an int in [1000, inf). Got {self.most_points!r} instead.")
-        unknown = [kind for kind in self.keep_types or () if kind not in KINDS]
-        if unknown or self.keep_types == ():
+        if self.tolerance is not None:
+            require_float(self.tolerance, "tolerance", _OWNER, 0)
+        if self.max_faces is not None:
+            require_int(self.max_faces, "max_faces", _OWNER, 1)
+        require_int(self.min_points, "min_points", _OWNER, 6)
+        require_int(self.most_points, "most_points", _OWNER, 1000)
+        kinds = self.keep_types
+        if kinds is not None and (not isinstance(kinds, tuple) or not kinds or any(kind not in KINDS for kind in kinds)):
             raise ParameterError(f"The 'keep_types' of segment_points must be among {', '.join(KINDS)}. Got {self.keep_types!r} instead.")
 
     @property

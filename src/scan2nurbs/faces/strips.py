@@ -87,7 +87,8 @@ def _settled(
         return nothing
     rows = np.concatenate([*bands, mine])
     side = np.repeat([0, 1, 2], [len(bands[0]), len(bands[1]), len(mine)])
-    corner = corner_of(*(_field(fits[face].shape, points[rows], h) for face in pair), side)
+    first, second = (_field(fits[face].shape, points[rows], h) for face in pair)
+    corner = corner_of(first, second, side)
     if corner is None:
         return nothing
     now = np.where(side == 0, np.abs(corner.u), np.abs(corner.v))

@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from scan2nurbs.errors import NoResultError, ParameterError
+from scan2nurbs.errors import NoResultError
 from scan2nurbs.faces.bridge import bridge
 from scan2nurbs.faces.complex import Border, LabelledMesh, Loop, Topology
 from scan2nurbs.faces.double import part_double_edges
@@ -25,6 +25,7 @@ from scan2nurbs.faces.split import split_mesh
 from scan2nurbs.faces.trace import Closed, Traced, cap_holes, genera, trace
 from scan2nurbs.kernels.runner import Progress
 from scan2nurbs.kernels.tucking import tuck_in
+from scan2nurbs.ranges import require_float, require_int
 from scan2nurbs.scale import Scale
 from scan2nurbs.surfaces.shape import Floats, Shape
 
@@ -70,10 +71,9 @@ class TopologyParams:
 
     def __post_init__(self) -> None:
         """Refuse values out of range."""
-        for name, low in (("reach", 1.0), ("least_area", 0.0), ("max_points", 1000)):
-            value = getattr(self, name)
-            if not low <= value < float("inf"):
-                raise ParameterError(f"The '{name}' of TopologyParams must be a number in [{low:g}, inf). Got {value} instead.")
+        require_float(self.reach, "reach", "find_topology", 1, closed="low")
+        require_float(self.least_area, "least_area", "find_topology", 0, closed="low")
+        require_int(self.max_points, "max_points", "find_topology", 1000)
 
 
 def find_topology(

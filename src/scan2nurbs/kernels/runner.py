@@ -16,8 +16,8 @@ from typing import Any, TypeVar
 import numba
 from numba.core import event
 
-from scan2nurbs.errors import ParameterError
 from scan2nurbs.kernels import compiled
+from scan2nurbs.ranges import require_int
 
 # What Numba returns is called as the function was; its types say only that it is a dispatcher, hence the ignored return value below.
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -80,8 +80,8 @@ event.register("numba:compile", _WithoutCollection())
 
 def set_threads(n: int | None) -> None:
     """Set how many threads kernels may use; None means as many as this process has processors."""
-    if n is not None and n < 1:
-        raise ParameterError(f"The 'threads' must be an int in [1, inf). Got {n} instead.")
+    if n is not None:
+        require_int(n, "threads", "set_threads", 1)
     global _threads  # noqa: PLW0603 - one setting for the whole process, like every thread pool's
     _threads = n
 

@@ -8,8 +8,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from scan2nurbs.edges.ranges import require_choice, require_float, require_int
 from scan2nurbs.errors import ParameterError
+from scan2nurbs.ranges import require_choice, require_float, require_int
 
 Mode = Literal["scanner", "grid", "random", "uneven"]
 Direction = tuple[float, float, float]

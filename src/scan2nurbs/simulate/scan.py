@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from scan2nurbs.brep.cad import CadPart, load_cad, tessellate
 from scan2nurbs.errors import NoResultError, ParameterError
+from scan2nurbs.ranges import require_instance
 from scan2nurbs.simulate.disturb import add_noise, add_outliers, without_holes
 from scan2nurbs.simulate.params import MOST_POINTS, SimulateParams
 from scan2nurbs.simulate.samples import Samples
@@ -97,6 +98,7 @@ def simulate_scan(part: CadPart | str | os.PathLike[str] | Any, params: Simulate
     the number of points. 1.7 million points from 9 views take some five seconds on two cores, and 1 GB.
     """
     params = params or SimulateParams()
+    require_instance(params, "params", "simulate_scan", SimulateParams)
     if not isinstance(part, CadPart):
         part = load_cad(part) if isinstance(part, str | os.PathLike) else tessellate(part)
     part, samples, n_outliers = _sample(part, params)

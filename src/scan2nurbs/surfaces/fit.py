@@ -12,6 +12,7 @@ from scipy.spatial import KDTree
 from scan2nurbs.errors import InputError, NoResultError, ParameterError
 from scan2nurbs.kernels.bspline import MAX_DEGREE
 from scan2nurbs.kernels.runner import Progress, thread_count
+from scan2nurbs.ranges import require_float, require_int
 from scan2nurbs.surfaces.adapt import State, Task, adapt, folds, settle
 from scan2nurbs.surfaces.bspline import BSplineSurface
 from scan2nurbs.surfaces.parametrize import parametrize
@@ -57,11 +58,13 @@ class FitParams:
     def __post_init__(self) -> None:
         for degree in self.degrees:
             _check("degree", degree, isinstance(degree, int | np.integer) and 1 <= degree <= MAX_DEGREE, f"an int in [1, {MAX_DEGREE}]")
-        _check("tolerance", self.tolerance, self.tolerance is None or 0 < self.tolerance < np.inf, "a float in (0, inf) or None")
-        _check("noise", self.noise, self.noise is None or 0 <= self.noise < np.inf, "a float in [0, inf) or None")
-        _check("smoothness", self.smoothness, 0 < self.smoothness < np.inf, "a float in (0, inf)")
-        _check("max_control_points", self.max_control_points, self.max_control_points >= 4, "an int in [4, inf)")
-        _check("max_iterations", self.max_iterations, self.max_iterations >= 1, "an int in [1, inf)")
+        if self.tolerance is not None:
+            require_float(self.tolerance, "tolerance", "fit_surface", 0)
+        if self.noise is not None:
+            require_float(self.noise, "noise", "fit_surface", 0, closed="low")
+        require_float(self.smoothness, "smoothness", "fit_surface", 0)
+        require_int(self.max_control_points, "max_control_points", "fit_surface", 4)
+        require_int(self.max_iterations, "max_iterations", "fit_surface", 1)
 
     @property
     def degrees(self) -> tuple[int, int]:

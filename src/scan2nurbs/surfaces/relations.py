@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scan2nurbs.errors import ParameterError
+from scan2nurbs.ranges import require_float
 from scan2nurbs.scale import chi2_quantile
 from scan2nurbs.surfaces.constraints import ANGLE, evaluate
 from scan2nurbs.surfaces.relation_search import Candidate, Floors, Known, find_relations, find_tangencies
@@ -57,8 +58,7 @@ class RelationParams:
             if kind not in RELATIONS:
                 raise ParameterError(f"The 'kinds' of relations must be among {', '.join(RELATIONS)}. Got {kind!r} instead.")
         for name in ("angle", "length", "max_rise"):
-            if not 0.0 <= getattr(self, name) < np.inf:
-                raise ParameterError(f"The '{name}' of relations must be a float in [0, inf). Got {getattr(self, name)!r} instead.")
+            require_float(getattr(self, name), name, "impose_relations", 0, closed="low")
 
 
 @dataclass(frozen=True)

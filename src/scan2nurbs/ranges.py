@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from numbers import Integral, Real
 from typing import Any
 
 from scan2nurbs.errors import ParameterError
@@ -22,9 +23,9 @@ def require_float(value: Any, name: str, owner: str, low: float, high: float = m
     closed : str
         "low", "high" or "both" for ends that belong to the range.
     """
-    is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    above = is_number and (value > low or (value == low and closed in ("low", "both")))
-    below = is_number and (value < high or (value == high and closed in ("high", "both")))
+    number = float(value) if isinstance(value, Real) and not isinstance(value, bool) else math.nan
+    above = number > low or (number == low and closed in ("low", "both"))
+    below = number < high or (number == high and closed in ("high", "both"))
     if not (above and below):
         left, right = "[" if closed in ("low", "both") else "(", "]" if closed in ("high", "both") else ")"
         raise ParameterError(f"The '{name}' parameter of {owner} must be a float in {left}{low:g}, {high:g}{right}. Got {value!r} instead.")
@@ -32,9 +33,15 @@ def require_float(value: Any, name: str, owner: str, low: float, high: float = m
 
 def require_int(value: Any, name: str, owner: str, low: int, high: float = math.inf) -> None:
     """Raise `ParameterError` unless a value is an int of at least `low` and at most `high`."""
-    if not isinstance(value, int) or isinstance(value, bool) or not low <= value <= high:
+    if not isinstance(value, Integral) or isinstance(value, bool) or not low <= int(value) <= high:
         right = "inf)" if high == math.inf else f"{high:g}]"
         raise ParameterError(f"The '{name}' parameter of {owner} must be an int in [{low}, {right}. Got {value!r} instead.")
+
+
+def require_instance(value: Any, name: str, owner: str, kind: type) -> None:
+    """Raise `ParameterError` unless a value is an instance of a class."""
+    if not isinstance(value, kind):
+        raise ParameterError(f"The '{name}' parameter of {owner} must be a {kind.__name__}. Got {value!r} instead.")
 
 
 def require_choice(value: Any, name: str, owner: str, choices: tuple[str, ...]) -> None:
