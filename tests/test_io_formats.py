@@ -120,6 +120,19 @@ def test_ply_with_the_faces_before_the_vertices(sizes, read):
     assert np.array_equal(read(content).points, XYZ)
 
 
+@pytest.mark.parametrize("order", ["<", ""])
+def test_ply_that_goes_on_behind_its_vertices_is_told(order, read):
+    content = samples.ply(XYZ, order, faces=False)
+    assert read(content).notes == ()
+    assert read(content + b"\n \n" * (not order)).notes == ()
+    fewer = content.replace(f"element vertex {len(XYZ)}".encode(), f"element vertex {len(XYZ) - 1}".encode())
+    found = read(fewer)
+    assert np.array_equal(found.points, XYZ[:-1])
+    (note,) = found.notes
+    assert note.startswith(f"The header declares {len(XYZ) - 1} vertices, but ")
+    assert ("24 more bytes" if order else "1 more lines") in note
+
+
 def test_ply_with_integer_coordinates(read):
     xyz = np.arange(12).reshape(4, 3) - 5
     assert np.array_equal(read(samples.ply(xyz, "<", ("i4", "i2", "i1"))).points, xyz)

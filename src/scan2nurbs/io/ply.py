@@ -15,7 +15,7 @@ from scan2nurbs.io import ply_rows
 from scan2nurbs.io.layout import Layout
 from scan2nurbs.io.scan import Scan
 from scan2nurbs.io.source import Source
-from scan2nurbs.io.table import read_rows, show, skip_rows, with_newlines
+from scan2nurbs.io.table import blocks, read_rows, show, skip_rows, with_newlines
 from scan2nurbs.io.units import unit_in
 
 _HEADER_LIMIT = 1 << 20
@@ -32,6 +32,7 @@ _TYPES = {
     **dict.fromkeys(("double", "float64"), "f8"),
 }
 _FORMATS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
+_ROW_END = re.compile(rb"\n(?![ \t\r]*\n)")
 _END = re.compile(rb"(?:^|[\r\n])end_header[ \t]*(\r\n|\n|\r|$)")
 
 
@@ -74,7 +75,32 @@ def read_ply(source: Source) -> Scan:
         points = _read_ascii(source, header, position, columns)
     unit = next((unit for unit in map(unit_in, header.comments) if unit), None)
     kind = {"": "ascii", "<": "binary little-endian", ">": "binary big-endian"}[header.order or ""]
-    return Scan(points, unit, f"PLY ({kind})")
+    return Scan(points, unit, f"PLY ({kind})", _more_follows(source, header, position))
+
+
+def _more_follows(source: Source, header: _Header, position: int) -> tuple[str, ...]:
+    """Say so where the file goes on behind the last of its vertices, and no other element stands there."""
+    if position < len(header.elements) - 1:
+        return ()
+    count = header.elements[position].count
+    if header.order:
+        offset = header.start
+        for element in header.elements:
+            offset = ply_rows.end_of(source, element, offset, header.order)
+        more = f"{len(source.data) - offset:,} more bytes" if offset < len(source.data) else ""
+    else:
+        declared = sum(element.count for element in header.elements if element.properties)
+        found = _count_rows(source, header, b"\n")
+        if found > declared:  # or lines are blank
+            found = _count_rows(source, header, _ROW_END)
+        more = f"{found - declared:,} more lines" if found > declared else ""
+    return (f"The header declares {count:,} vertices, but {more} follow, which were not read.",) if more else ()
+
+
+def _count_rows(source: Source, header: _Header, end: bytes | re.Pattern[bytes]) -> int:
+    """Count the lines behind the header, by what ends each but the last of a block."""
+    texts = (block.strip() for block, _ in blocks(source, header.start, header.lines + 1))
+    return sum(1 + (text.count(end) if isinstance(end, bytes) else len(end.findall(text))) for text in texts if text)
 
 
 def _read_binary(source: Source, header: _Header, order: str, position: int, columns: tuple[int, int, int]) -> NDArray[np.float64]:
