@@ -106,3 +106,19 @@ def test_faces_that_hardly_turn_are_no_corner():
     flat = np.column_stack([np.ones(4), np.tile(UP, (4, 1))])
     tilted = np.column_stack([np.ones(4), np.tile([0.0, np.sin(0.2), np.cos(0.2)], (4, 1))])
     assert corner_of(flat, tilted, np.array([0, 0, 1, 1])) is None
+
+
+def test_a_fillet_that_ends_is_not_led_on_beyond_its_end():
+    radius = 3.0
+    points, true = profile(np.radians(90.0), radius, np.random.default_rng(9))
+    sharp, edge = profile(np.radians(90.0), 0.0, np.random.default_rng(10))
+    sharp[:, 0] += radius  # where the two planes of the first half meet
+    half = LENGTH / 2
+    first, second = points[:, 1] < half, sharp[:, 1] > half
+    cloud = np.vstack([points[first], sharp[second]])
+    true = np.concatenate([true[first], edge[second]])
+    flat, arc, rising = surfaces(np.radians(90.0), radius)
+    scale = measure_scale(cloud)
+    label, settled = settle_strips(cloud, true, [flat, arc, rising], face_contacts(true, scale), scale.h, NOISE)
+    assert settled == {(0, 1), (1, 2)}
+    assert np.count_nonzero((label == 1) & (cloud[:, 1] > half + 1.5)) == 0

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from scan2nurbs.kernels.growth import DISTANCE_CAP
 
@@ -17,6 +18,8 @@ FINER = np.array([-0.5, -0.25, 0.25, 0.5])
 """Radii tried about the best one, in steps of `RADII`."""
 LEAST_TURN = 25.0
 """Degrees: faces that turn by less are no corner."""
+AHEAD, SLANT = 1.0, 0.5
+"""How far ahead of the nearest point of a strip points still lie beside it: so many h, and such a share of how far aside they are."""
 FEWER = 3.0
 """A ball's radius is one number, a strip's own surface has some seven: the others may explain so much more, times the log of its points."""
 
@@ -47,6 +50,19 @@ class Corner:
     v: Floats
     cosine: Floats
     directions: tuple[Floats, Floats]
+
+    def beside(self, points: Floats, strip: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Tell which of the points (N, 3), in h, lie beside some of a strip, and not ahead of its ends, where a fillet may end too (N,)."""
+        along = np.cross(*self.directions)
+        along /= np.maximum(np.linalg.norm(along, axis=1), 1e-300)[:, None]
+        way = points - points[strip][KDTree(points[strip]).query(points)[1]]
+        ahead = np.abs(np.einsum("ij,ij->i", way, along))
+        return ahead <= AHEAD + SLANT * np.sqrt(np.maximum(np.einsum("ij,ij->i", way, way) - ahead**2, 0.0))
+
+    def at(self, rows: NDArray[np.bool_]) -> Corner:
+        """Return the corner of some of the points."""
+        m1, m2 = self.directions
+        return Corner(self.u[rows], self.v[rows], self.cosine[rows], (m1[rows], m2[rows]))
 
     @property
     def sharp(self) -> Floats:

@@ -91,6 +91,8 @@ def _settled(
     corner = corner_of(first, second, side)
     if corner is None:
         return nothing
+    beside = corner.beside(points[rows] / h, side == 2)
+    rows, side, corner = rows[beside], side[beside], corner.at(beside)
     now = np.where(side == 0, np.abs(corner.u), np.abs(corner.v))
     now[side == 2] = np.abs(fits[strip].shape.distance(points[mine])) / h
     radius = corner.radius_of_strip(now, noise / h, len(mine))
