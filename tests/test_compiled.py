@@ -34,7 +34,8 @@ def package_in(folder: Path) -> Path:
     kernels = package / "kernels"
     kernels.mkdir(parents=True)
     (package / "__init__.py").touch()
-    shutil.copy(source / "errors.py", package)
+    for name in ("errors.py", "ranges.py"):
+        shutil.copy(source / name, package)
     for name in ("__init__.py", "runner.py", "compiled.py"):
         shutil.copy(source / "kernels" / name, kernels)
     (kernels / "outer.py").write_text(OUTER)

@@ -9,5 +9,5 @@ from scan2nurbs.errors import ParameterError
 @pytest.mark.parametrize("name", ["widest", "bearable", "reach"])
 @pytest.mark.parametrize("value", [0.0, -1.0, float("nan"), float("inf")])
 def test_parameters_of_models_are_lengths(name, value):
-    with pytest.raises(ParameterError, match=f"'{name}' of ModelParams"):
+    with pytest.raises(ParameterError, match=f"'{name}' parameter of build_part"):
         ModelParams(**{name: value})
