@@ -30,10 +30,11 @@ _WIDER = 2.0
 """Where a face does not fit its neighbours, tolerances may be so many times as wide: better than an open part."""
 _GIVEN_UP = 2
 """How often faces that fit nowhere are given up: what closes one place may show that another does not fit."""
-_SMALL = 0.02
+_SMALL = 0.1
 """Faces of less than this share of the area are spanned, where that closes the part, rather than read again."""
 _WAYS = 3
-"""How many readings are tried for whether surfaces between the edges of their neighbours can take the place of faces that do not fit."""
+"""How many readings are tried for whether surfaces between the edges of their neighbours can take the place of faces that do not fit;
+one of them where these are more than some."""
 _LESS = 0.02
 """How much more of the scan a model has to cover to be the better one for it, closed or not."""
 
@@ -216,7 +217,8 @@ class _Reader:
 def _spanned(best: Reading, ways: Sequence[tuple[Reading, Callable[..., PartModel]]]) -> Reading:
     """Return a reading in which surfaces between their neighbours take the place of faces that do not fit, if one is better so."""
     rank = {id(reading): len(reading.misfits) + (reading is not best) for reading, _ in ways}
-    for reading, way in sorted(ways, key=lambda given: rank[id(given[0])])[:_WAYS]:
+    most = _WAYS if len(best.misfits) <= _SOME else 1
+    for reading, way in sorted(ways, key=lambda given: rank[id(given[0])])[:most]:
         made = replace(reading, part=way(spanned=1.0))
         if made.betters(best):
             best = made

@@ -21,6 +21,7 @@ from scan2nurbs.brep.disc import along, disc_face, follow, length_of, loop_lengt
 from scan2nurbs.brep.measure import rough_area, tolerance
 from scan2nurbs.brep.occ import KernelError, kernel_errors
 from scan2nurbs.brep.patch import patch_within
+from scan2nurbs.brep.sewn import sew
 from scan2nurbs.brep.solids import assemble
 from scan2nurbs.errors import InputError
 from scan2nurbs.faces.topology import Topology
@@ -87,7 +88,7 @@ def span(
             around = [(loop, lines) for loop, lines in loops if tree.query(np.vstack(lines))[0].max() <= _NEAR * h]
             length, whole = sum(length_of(line) for _, lines in around for line in lines), _length_around(group, topology)
             if 0 < sum(len(loop) for loop, _ in around) <= _EDGES and abs(length - whole) <= _SHORT * whole:
-                face = _spanned([loop for loop, _ in around], patch, tree, h, scale, widest)
+                face = _spanned([loop for loop, _ in around], kept, patch, tree, h, scale, widest)
                 if face is not None:
                     out[max(group, key=lambda f: (topology.areas[f], -f))] = face
     except KernelError:
@@ -135,8 +136,14 @@ def _free_loops(faces: Sequence[Any]) -> list[list[Any]]:
     return loops
 
 
-def _spanned(loops: Sequence[Sequence[Any]], patch: Floats, tree: KDTree, h: float, scale: float, widest: float) -> Any | None:
-    """Return a face within loops of edges that is valid and follows a patch (M, 3, 3), facing outward; None if there is none."""
+def _spanned(
+    loops: Sequence[Sequence[Any]], kept: Sequence[Any], patch: Floats, tree: KDTree, h: float, scale: float, widest: float
+) -> Any | None:
+    """Return a face within loops of edges of other faces that follows a patch (M, 3, 3), facing outward; None if there is none.
+
+    It is valid, and stays so when it is sewn to these, which moves its edges a little.
+    """
+    beside = [(face,) for face in kept]
     points = np.asarray(tree.data)
     sides = sorted(([follow(edge, h * scale) for edge in loop] for loop in loops), key=loop_length, reverse=True)
     rims = [np.vstack([side.points[:-1] for side in loop]) / scale for loop in sides]
@@ -149,7 +156,9 @@ def _spanned(loops: Sequence[Sequence[Any]], patch: Floats, tree: KDTree, h: flo
             continue
         facing = _facing(face, patch, tree, h, scale)
         if facing and tolerance(face) <= widest and is_sound(face):
-            return face if facing > 0 else _turned(face)
+            face = face if facing > 0 else _turned(face)
+            if sew([*beside, (face,)], widest) is not None:
+                return face
     return None
 
 

@@ -1,4 +1,4 @@
-"""Corners of four faces and more: vertices that lie so close that one place serves them all are one."""
+"""What is too small to tell: vertices so close that one place serves them all are one, and closed borders about a point are none."""
 
 from __future__ import annotations
 
@@ -18,6 +18,8 @@ Ends = NDArray[np.int32]
 
 SHORT = 4.0
 """Length, in h, of a border that may vanish."""
+POINT = 1.0
+"""Length, in h, of a closed border that is no more than a point: noise made two faces touch there."""
 GAP = 0.25
 """Farthest, in h, that the one vertex may lie from the surfaces of all faces that meet there."""
 
@@ -37,7 +39,7 @@ def merge_vertices(traced: Traced, drawn: Drawn, shapes: Sequence[Shape], h: flo
     Notes
     -----
     A border stays if a loop would be left with none, if a face would touch itself at the vertex, or if one place lies on all surfaces
-    no better than `GAP`.
+    no better than `GAP`. Closed ones vanish where both of their faces have another loop; the mesh still hangs together there.
     """
     ends = traced.ends.copy()
     loops: list[list[Loop]] = [list(some) for some in traced.loops]
@@ -54,6 +56,10 @@ def merge_vertices(traced: Traced, drawn: Drawn, shapes: Sequence[Shape], h: flo
         u, v = (int(x) for x in ends[b])
         if length[b] > SHORT * h:
             break
+        if u < 0 and length[b] <= POINT * h and all(f >= 0 and len(loops[f]) > 1 for f in traced.sides[b]):
+            gone[b] = True
+            for f in traced.sides[b]:
+                loops[f] = [loop for loop in loops[f] if loop[0][0] != b]
         if u < 0 or u == v or not _may_go(int(b), (u, v), ends, at, faces, traced, loops):
             continue
         both = faces[u] | faces[v]

@@ -14,15 +14,17 @@ from scan2nurbs.faces.bridge import bridge
 from scan2nurbs.faces.complex import Border, LabelledMesh, Loop, Topology
 from scan2nurbs.faces.double import part_double_edges
 from scan2nurbs.faces.draw import draw
+from scan2nurbs.faces.folds import folds
 from scan2nurbs.faces.gaps import is_covered, is_pinhole, to_the_rim
 from scan2nurbs.faces.merge import merge_vertices
 from scan2nurbs.faces.orient import find_patches, outward_signs
-from scan2nurbs.faces.pinholes import close_pinholes
+from scan2nurbs.faces.pinholes import close_pinholes, cut_out
 from scan2nurbs.faces.regions import find_regions
 from scan2nurbs.faces.relabel import Samples, take_samples
 from scan2nurbs.faces.sheet import Sheet, components, drop_triangles, peel, span_sheet, triangle_areas
 from scan2nurbs.faces.split import split_mesh
 from scan2nurbs.faces.trace import Closed, Traced, cap_holes, genera, trace
+from scan2nurbs.faces.tunnels import close_tunnels
 from scan2nurbs.kernels.runner import Progress
 from scan2nurbs.kernels.tucking import tuck_in
 from scan2nurbs.ranges import require_float, require_int
@@ -141,13 +143,14 @@ def find_topology(
 
 
 def _trim(sheet: Sheet, points: Floats, outward: Floats, samples: Samples, scale: Scale, params: TopologyParams) -> tuple[Sheet, list[str]]:
-    """Open the surface where there is no data, and drop pieces too small to be a part."""
+    """Open the surface where there is no data, part what only seems to touch, and drop pieces too small to be a part."""
     if not params.fill_holes:
         covered = is_covered(sheet, points, samples.spacing, scale.cells, params.reach)
         covered = to_the_rim(sheet, points, samples.spacing, covered, params.reach)
         sheet = drop_triangles(sheet, covered | is_pinhole(sheet, points, samples.label, covered, PINHOLE * samples.h**2))
         # A quarter of the area within a face counts as chance anywhere, too: so does a hole with the circumference of such a circle.
         sheet = close_pinholes(peel(sheet, points, outward), points, np.sqrt(np.pi * PINHOLE) * samples.h)
+    sheet = close_tunnels(sheet, points, outward, PINHOLE * samples.h**2)
     n, piece = components(sheet)
     area = np.bincount(piece, triangle_areas(points, sheet.source[sheet.triangles]), minlength=n)
     small = area < params.least_area * samples.h**2
@@ -167,6 +170,10 @@ def _read(sheet: Sheet, points: Floats, sign: NDArray[np.int8], samples: Samples
     if bubble.any() and not bubble.all():
         notes = [*notes, "Closed specks of surface between the points of one face were left out."]
         return _read(drop_triangles(whole, ~bubble[: len(whole.triangles)]), points, sign, samples, shapes, notes)
+    fold = folds(sheet, place, (samples.normals * sign[:, None])[sheet.source], region, PINHOLE * samples.h**2)
+    if fold.any():
+        notes = [*notes, "Surface that was folded upon itself, on one side of a face, was left out."]
+        return _read(cut_out(whole, points, fold[: len(whole.triangles)]), points, sign, samples, shapes, notes)
     own = [shapes[s] for s in source]
     drawn = draw(mesh, traced, place, region, own, samples.h)
     n_loops = np.array([len(loops) for loops in traced.loops], np.int64)
