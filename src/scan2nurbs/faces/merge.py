@@ -1,4 +1,4 @@
-"""What is too small to tell: vertices so close that one place serves them all are one, and closed borders about a point are none."""
+"""Corners of four faces and more: vertices that lie so close that one place serves them all are one."""
 
 from __future__ import annotations
 
@@ -18,8 +18,6 @@ Ends = NDArray[np.int32]
 
 SHORT = 4.0
 """Length, in h, of a border that may vanish."""
-POINT = 1.0
-"""Length, in h, of a closed border that is no more than a point: noise made two faces touch there."""
 GAP = 0.25
 """Farthest, in h, that the one vertex may lie from the surfaces of all faces that meet there."""
 
@@ -39,7 +37,7 @@ def merge_vertices(traced: Traced, drawn: Drawn, shapes: Sequence[Shape], h: flo
     Notes
     -----
     A border stays if a loop would be left with none, if a face would touch itself at the vertex, or if one place lies on all surfaces
-    no better than `GAP`. Closed ones vanish where both of their faces have another loop; the mesh still hangs together there.
+    no better than `GAP`.
     """
     ends = traced.ends.copy()
     loops: list[list[Loop]] = [list(some) for some in traced.loops]
@@ -51,15 +49,11 @@ def merge_vertices(traced: Traced, drawn: Drawn, shapes: Sequence[Shape], h: flo
         if u >= 0:
             at[u].append(b)
             at[v].append(b)
-    length = np.array([_length(line) for line in lines])
+    length = np.array([length_of(line) for line in lines])
     for b in np.argsort(length, kind="stable"):
         u, v = (int(x) for x in ends[b])
         if length[b] > SHORT * h:
             break
-        if u < 0 and length[b] <= POINT * h and all(f >= 0 and len(loops[f]) > 1 for f in traced.sides[b]):
-            gone[b] = True
-            for f in traced.sides[b]:
-                loops[f] = [loop for loop in loops[f] if loop[0][0] != b]
         if u < 0 or u == v or not _may_go(int(b), (u, v), ends, at, faces, traced, loops):
             continue
         both = faces[u] | faces[v]
@@ -75,10 +69,11 @@ def merge_vertices(traced: Traced, drawn: Drawn, shapes: Sequence[Shape], h: flo
         for f in traced.sides[b]:
             if f >= 0:
                 loops[f] = [tuple(x for x in loop if x[0] != b) for loop in loops[f]]
-    return _without(traced, ends, loops, vertices, lines, faces, gone)
+    return without_borders(traced, ends, loops, vertices, lines, faces, gone)
 
 
-def _length(line: Floats) -> float:
+def length_of(line: Floats) -> float:
+    """Return the length of a polyline (K, 3)."""
     return float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
 
 
@@ -102,7 +97,7 @@ def _one_place(place: Floats, faces: set[int], shapes: Sequence[Shape], h: float
     return found[0], float(np.abs(measure(found, meeting, shapes)[0]).max())
 
 
-def _without(
+def without_borders(
     traced: Traced,
     ends: Ends,
     loops: list[list[Loop]],

@@ -24,7 +24,7 @@ from scan2nurbs.faces.relabel import Samples, take_samples
 from scan2nurbs.faces.sheet import Sheet, components, drop_triangles, peel, span_sheet, triangle_areas
 from scan2nurbs.faces.split import split_mesh
 from scan2nurbs.faces.trace import Closed, Traced, cap_holes, genera, trace
-from scan2nurbs.faces.tunnels import close_tunnels
+from scan2nurbs.faces.tunnels import without_tunnels
 from scan2nurbs.kernels.runner import Progress
 from scan2nurbs.kernels.tucking import tuck_in
 from scan2nurbs.ranges import require_float, require_int
@@ -37,6 +37,8 @@ STAGES = 5
 BRIDGES = 3
 PINHOLE = 50.0
 """Gaps in a face of less area than this, in h², a circle of four h, are chance and no missing data."""
+CIRCUMFERENCE = float(np.sqrt(np.pi * PINHOLE))
+"""A quarter of the area within a face counts as chance anywhere, too: so does a hole with the circumference of such a circle, in h."""
 _NEVER_CLOSED = ("plane", "cylinder", "cone", "extrusion")
 """Surfaces that enclose nothing."""
 
@@ -143,14 +145,12 @@ def find_topology(
 
 
 def _trim(sheet: Sheet, points: Floats, outward: Floats, samples: Samples, scale: Scale, params: TopologyParams) -> tuple[Sheet, list[str]]:
-    """Open the surface where there is no data, part what only seems to touch, and drop pieces too small to be a part."""
+    """Open the surface where there is no data, and drop pieces too small to be a part."""
     if not params.fill_holes:
         covered = is_covered(sheet, points, samples.spacing, scale.cells, params.reach)
         covered = to_the_rim(sheet, points, samples.spacing, covered, params.reach)
         sheet = drop_triangles(sheet, covered | is_pinhole(sheet, points, samples.label, covered, PINHOLE * samples.h**2))
-        # A quarter of the area within a face counts as chance anywhere, too: so does a hole with the circumference of such a circle.
-        sheet = close_pinholes(peel(sheet, points, outward), points, np.sqrt(np.pi * PINHOLE) * samples.h)
-    sheet = close_tunnels(sheet, points, outward, PINHOLE * samples.h**2)
+        sheet = close_pinholes(peel(sheet, points, outward), points, CIRCUMFERENCE * samples.h)
     n, piece = components(sheet)
     area = np.bincount(piece, triangle_areas(points, sheet.source[sheet.triangles]), minlength=n)
     small = area < params.least_area * samples.h**2
@@ -179,12 +179,13 @@ def _read(sheet: Sheet, points: Floats, sign: NDArray[np.int8], samples: Samples
     n_loops = np.array([len(loops) for loops in traced.loops], np.int64)
     labelled = split_mesh(mesh, traced, drawn, place, region)
     body, closed = _bodies(sheet, place, region, traced.sides, len(source))
+    outward = np.where(np.bincount(region, sign[sheet.source], minlength=len(source)) < 0, -1, 1).astype(np.int8)
     traced, drawn = merge_vertices(traced, drawn, own, samples.h)
+    traced, drawn = without_tunnels(traced, drawn, own, outward, samples.h, CIRCUMFERENCE * samples.h)
     borders = tuple(
         Border(line, (int(a), int(b)), (int(u), int(v)))
         for line, (a, b), (u, v) in zip(drawn.lines, traced.sides, traced.ends, strict=True)
     )
-    outward = np.where(np.bincount(region, sign[sheet.source], minlength=len(source)) < 0, -1, 1).astype(np.int8)
     return Topology(
         drawn.vertices, borders, traced.loops, source, outward, body, closed, genera(mesh, region, n_loops), labelled, tuple(notes)
     )

@@ -1,67 +1,62 @@
-"""Part the two sides of a thin wall, or of a narrow gap, where noise made a tunnel between them."""
+"""Closed borders that noise made: tunnels between two sides of a thin wall, or of a narrow gap, and places where two faces touch."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
-from scan2nurbs.faces.pinholes import cut_out
-from scan2nurbs.faces.sheet import Sheet
-from scan2nurbs.surfaces.shape import Floats
+from scan2nurbs.faces.complex import Loop
+from scan2nurbs.faces.draw import Drawn
+from scan2nurbs.faces.merge import length_of, without_borders
+from scan2nurbs.faces.trace import Traced
+from scan2nurbs.surfaces.shape import Floats, Shape
 
-FOLD = -0.8
-"""Cosine between the normals of a triangle's corners below which it leads from one side to the other: sharper edges are none."""
+POINT = 1.0
+"""Length, in h, of a closed border that is no more than a point."""
+AWAY = -0.8
+"""Cosine between the outward normals of two faces that lie on two sides of a wall: sharper edges are none."""
 
 
-def close_tunnels(sheet: Sheet, points: Floats, outward: Floats, largest: float) -> Sheet:
-    """Take away every ring of triangles between two sides that look away from each other, and span both of its ends.
+def without_tunnels(
+    traced: Traced, drawn: Drawn, shapes: Sequence[Shape], outward: NDArray[np.int8], h: float, longest: float
+) -> tuple[Traced, Drawn]:
+    """Take out closed borders about a point, and short ones between two faces that look away from each other.
 
     Parameters
     ----------
-    sheet : Sheet
-    points, outward : (N, 3) float64
-        The points that its vertices come from, and the outward unit normals at them.
-    largest : float
-        Area within either end up to which it counts as chance, in the points' unit squared: its rim is jagged, and tells less.
+    traced, drawn : Traced, Drawn
+        The complex and its places.
+    shapes : sequence of Shape
+        Surface of each face.
+    outward : (F,) int8
+        Sign by which its normals look outward.
+    h : float
+        Spacing of the points.
+    longest : float
+        Circumference up to which a tunnel counts as chance, in the points' unit.
 
-    Returns
-    -------
-    Sheet
-        The triangles that are kept, and after them those that span the ends; without tunnels, the sheet as it is.
+    Notes
+    -----
+    A border stays if it is the only one of a face. The faces go on where a tunnel was; the mesh still hangs together there.
     """
-    normal = outward[sheet.source[sheet.triangles]]
-    folded = np.einsum("mkj,mkj->mk", normal, np.roll(normal, 1, axis=1)).min(axis=1) < FOLD
-    half = np.flatnonzero(np.repeat(folded, 3))
-    twin = sheet.twin[half]
-    # Rings, and rims, with a vertex in common count as one: the larger they are, the less chance.
-    n = len(folded)
-    ring = _pieces(half // 3, n + sheet.triangles.ravel()[half], n + len(sheet.source))[:n]
-    outer = (twin < 0) | ~folded[twin // 3]
-    rim, twin = half[outer], twin[outer]
-    start, end = (corner.ravel()[rim] for corner in (sheet.triangles, np.roll(sheet.triangles, -1, axis=1)))
-    loop = _pieces(start, end, len(sheet.source))[start]
-    within = np.zeros((len(sheet.source), 3))
-    np.add.at(within, loop, 0.5 * np.cross(points[sheet.source[start]], points[sheet.source[end]]))
-    of = ring[rim // 3]
-    chance = np.bincount(np.unique(np.column_stack([of, loop]), axis=0)[:, 0], minlength=int(ring.max()) + 1) > 1
-    chance[of[(np.linalg.norm(within[loop], axis=1) > largest) | (twin < 0) | _two_sided(outward[sheet.source[start]], loop)]] = False
-    drop = folded & chance[ring]
-    if not drop.any():
-        return sheet
-    return cut_out(sheet, points, drop)
+    loops: list[list[Loop]] = [list(some) for some in traced.loops]
+    gone = np.zeros(len(drawn.lines), bool)
+    for b in np.flatnonzero(traced.ends[:, 0] < 0):
+        one, other = (int(f) for f in traced.sides[b])
+        length = length_of(drawn.lines[b])
+        if length > longest or min(one, other) < 0 or min(len(loops[one]), len(loops[other])) < 2:
+            continue
+        if length <= POINT * h or _look_away(drawn.lines[b], (one, other), shapes, outward):
+            gone[b] = True
+            for f in (one, other):
+                loops[f] = [loop for loop in loops[f] if loop[0][0] != b]
+    faces = [set(f) for f in drawn.faces]
+    return without_borders(traced, traced.ends, loops, drawn.vertices, list(drawn.lines), faces, gone)
 
 
-def _two_sided(normals: Floats, loop: NDArray[np.int32]) -> NDArray[np.bool_]:
-    """Tell which places along rims lie on rims that run on more than one side: what spans these would be folded again."""
-    number, rim = np.unique(loop, return_inverse=True)
-    mean = np.zeros((len(number), 3))
-    np.add.at(mean, rim, normals)
-    turned = np.einsum("nk,nk->n", normals, mean[rim]) <= 0.0
-    return np.isin(rim, rim[turned])
-
-
-def _pieces(i: NDArray[np.integer], j: NDArray[np.integer], n: int) -> NDArray[np.int32]:
-    """Return the connected piece of each of n things, of which i are linked with j."""
-    return connected_components(coo_array((np.ones(len(i), np.int8), (i, j)), shape=(n, n)), directed=False)[1]
+def _look_away(line: Floats, pair: tuple[int, int], shapes: Sequence[Shape], outward: NDArray[np.int8]) -> bool:
+    """Tell whether two faces look away from each other all along a border."""
+    one, other = (outward[f] * shapes[f].normal(line) for f in pair)
+    return bool(np.nanmax(np.einsum("nk,nk->n", one, other)) < AWAY)
