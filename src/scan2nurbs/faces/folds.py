@@ -23,7 +23,7 @@ def folds(sheet: Sheet, points: Floats, outward: Floats, region: NDArray[np.int3
     region : (n,) int32
         Of each vertex.
     largest : float
-        Area, in the points' unit squared, of the gaps that such a region may leave: with larger ones it stays.
+        Area, in the points' unit squared, of the gap that such a region may leave: with a larger one it stays.
 
     Returns
     -------
@@ -36,10 +36,10 @@ def folds(sheet: Sheet, points: Floats, outward: Floats, region: NDArray[np.int3
     n = int(region.max(initial=-1)) + 1
     facing = np.einsum("mk,mk->m", half, outward[sheet.triangles[:, 0]])
     net, whole = (np.bincount(first[inner], value[inner], minlength=n) for value in (facing, np.linalg.norm(half, axis=1)))
-    folded = net < NET * whole
-    touched = folded[region[sheet.triangles]]
-    # What a closed piece of surface leaves open has the area of what is taken away, seen along any direction.
-    gap = np.zeros((n, 3))
-    for k in range(3):
-        np.add.at(gap, region[sheet.triangles[:, k]], half * touched[:, k, None])
-    return (folded & (np.linalg.norm(gap, axis=1) <= largest))[region[sheet.triangles]].any(axis=1)
+    drop = np.zeros(len(sheet.triangles), np.bool_)
+    for folded in np.flatnonzero(net < NET * whole):
+        touching = (region[sheet.triangles] == folded).any(axis=1)
+        # The gap has the area, seen along any direction, of what is taken away from it.
+        if np.linalg.norm(half[touching].sum(axis=0)) <= largest:
+            drop |= touching
+    return drop
