@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scan2nurbs.brep import join
+from scan2nurbs.brep import join, spanned
 from scan2nurbs.brep.borders import _filled
 from scan2nurbs.brep.measure import area, tolerance
 from scan2nurbs.brep.part import ModelParams, build_part
@@ -75,6 +75,29 @@ def test_faces_that_touch_are_spanned_together_and_close_a_box(missing):
     assert sewn is not None
     whole = assemble([piece for pieces in sewn for piece in pieces])
     assert (whole.n_free_edges, whole.n_solids) == (0, 1)
+
+
+@pytest.mark.parametrize("refused", [0, 1, 2, 3])
+def test_a_smoother_surface_is_tried_where_one_is_invalid_once_it_is_sewn(monkeypatch, refused):
+    points, _, fits, scale, topology = scanned_box()
+    part = build_part(points, fits, topology, scale)
+    faces = [face.shapes for face in part.faces]
+    smooth, beside = list[float](), list[int]()
+
+    def patch(loops, inner, h, weight):
+        smooth.append(weight)
+        return patch_within(loops, inner, h, weight)
+
+    def sew(given, widest):
+        beside.append(len(given))
+        return join.sew(given, widest) if len(beside) > refused else None
+
+    monkeypatch.setattr(spanned, "patch_within", patch)
+    monkeypatch.setattr(spanned, "sew", sew)
+    found = span(faces, [5], topology, scale.h, part.kernel_scale, 0.5 * scale.h * part.kernel_scale)
+    assert list(found) == ([5] if refused < 3 else [])
+    assert smooth == [0.05, 0.2, 0.8][: refused + 1]
+    assert set(beside) == {6}, "with the five faces around it"
 
 
 def test_nothing_is_spanned_that_does_not_follow_its_points():

@@ -1,4 +1,4 @@
-"""Tunnels through thin walls, places where faces touch, and surface folded upon itself are no part of a topology."""
+"""Tunnels through thin walls, and places where faces touch, are no part of a topology."""
 
 from __future__ import annotations
 
@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 from scan2nurbs.faces.draw import draw
-from scan2nurbs.faces.folds import folds
-from scan2nurbs.faces.pinholes import cut_out
-from scan2nurbs.faces.sheet import Sheet, components, triangle_areas
+from scan2nurbs.faces.sheet import Sheet
 from scan2nurbs.faces.trace import cap_holes, trace
 from scan2nurbs.faces.tunnels import without_tunnels
 from scan2nurbs.surfaces.plane import Plane
@@ -86,36 +84,3 @@ def test_the_only_border_of_a_face_stays():
     assert [len(loops) for loops in traced.loops] == [2, 1]
     after, _ = without_tunnels(traced, drawn, shapes, np.array([1, -1], np.int8), 100.0, 1000.0)
     assert [len(loops) for loops in after.loops] == [2, 1]
-
-
-def test_what_lies_upon_itself_is_a_fold():
-    sheet, points = wall(14, [((5.3, 5.6), 1.2)], 0.01)
-    one = np.zeros(len(sheet.source), np.int32)
-    along = np.tile(UP, (len(sheet.source), 1))
-    assert folds(sheet, points[sheet.source], along, one, 1.0).all()
-    faced = along * np.where(points[sheet.source][:, 2] < -0.005, -1.0, 1.0)[:, None]
-    assert not folds(sheet, points[sheet.source], faced, one, 1.0).any()
-
-
-def test_a_fold_that_would_leave_a_large_gap_stays():
-    sheet, points = plate(14)
-    one, down = np.zeros(len(points), np.int32), np.tile(-UP, (len(points), 1))
-    assert not folds(sheet, points, down, one, 168.0).any()
-    assert folds(sheet, points, down, one, 170.0).all()
-
-
-def test_a_fold_beside_a_face_is_cut_out_and_the_face_closed():
-    """A disc of the upper plate goes on through a tunnel as the lower one, with the same normals."""
-    sheet, points = wall(14, [((5.3, 5.6), 1.2)], 0.01)
-    disc = np.linalg.norm(points[sheet.source][:, :2] - [5.3, 5.6], axis=1) < 2.6
-    lower = points[sheet.source][:, 2] < -0.005
-    region = np.where(lower | disc, 1, 0).astype(np.int32)
-    normals = np.tile(UP, (len(region), 1))
-    fold = folds(sheet, points[sheet.source], normals, region, 200.0)
-    assert fold.any()
-    assert not fold[(region[sheet.triangles] == 0).all(axis=1)].any()
-    left = cut_out(sheet, points, fold)
-    assert_paired(left)
-    assert components(left)[0] == 1
-    assert triangle_areas(points, left.source[left.triangles]).sum() == pytest.approx(169.0)
-    assert (left.twin < 0).sum() == 4 * 13

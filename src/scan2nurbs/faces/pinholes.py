@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from scan2nurbs.faces.sheet import Sheet, drop_triangles
+from scan2nurbs.faces.sheet import Sheet
 from scan2nurbs.surfaces.shape import Floats
 
 
-def close_pinholes(sheet: Sheet, points: Floats, longest: float, along: NDArray[np.integer] | None = None) -> Sheet:
+def close_pinholes(sheet: Sheet, points: Floats, longest: float) -> Sheet:
     """Span every border loop of a sheet that is not longer than `longest` by triangles between its own vertices.
 
     Parameters
@@ -19,8 +18,6 @@ def close_pinholes(sheet: Sheet, points: Floats, longest: float, along: NDArray[
         The points that its vertices come from.
     longest : float
         In the points' unit.
-    along : (K,) int, optional
-        Half-edges on the border: only the loops that hold some of these are spanned.
 
     Returns
     -------
@@ -33,7 +30,7 @@ def close_pinholes(sheet: Sheet, points: Floats, longest: float, along: NDArray[
     leaving = dict(zip(start[border].tolist(), border.tolist(), strict=True))
     twin = sheet.twin.tolist()
     triangles: list[tuple[int, int, int]] = []
-    for first in (border if along is None else along).tolist():
+    for first in border.tolist():
         if twin[first] >= 0:
             continue
         loop = [first]
@@ -45,14 +42,6 @@ def close_pinholes(sheet: Sheet, points: Floats, longest: float, along: NDArray[
     if not triangles and twin == sheet.twin.tolist():
         return sheet
     return Sheet(sheet.source, np.vstack([sheet.triangles, np.array(triangles, np.int32).reshape(-1, 3)]), np.array(twin, np.int32))
-
-
-def cut_out(sheet: Sheet, points: Floats, drop: NDArray[np.bool_]) -> Sheet:
-    """Take some (M,) of the triangles away, and span what that opens by others between the vertices around it."""
-    half = sheet.twin[np.flatnonzero(np.repeat(drop, 3))]
-    rim = half[(half >= 0) & ~drop[half // 3]]
-    number = np.cumsum(~drop) - 1
-    return close_pinholes(drop_triangles(sheet, ~drop), points, np.inf, number[rim // 3] * 3 + rim % 3)
 
 
 def _close(loop: list[int], vertices: list[int], place: Floats, twin: list[int], triangles: list[tuple[int, int, int]], n: int) -> None:

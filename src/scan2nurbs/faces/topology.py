@@ -14,11 +14,10 @@ from scan2nurbs.faces.bridge import bridge
 from scan2nurbs.faces.complex import Border, LabelledMesh, Loop, Topology
 from scan2nurbs.faces.double import part_double_edges
 from scan2nurbs.faces.draw import draw
-from scan2nurbs.faces.folds import folds
 from scan2nurbs.faces.gaps import is_covered, is_pinhole, to_the_rim
 from scan2nurbs.faces.merge import merge_vertices
 from scan2nurbs.faces.orient import find_patches, outward_signs
-from scan2nurbs.faces.pinholes import close_pinholes, cut_out
+from scan2nurbs.faces.pinholes import close_pinholes
 from scan2nurbs.faces.regions import find_regions
 from scan2nurbs.faces.relabel import Samples, take_samples
 from scan2nurbs.faces.sheet import Sheet, components, drop_triangles, peel, span_sheet, triangle_areas
@@ -170,10 +169,6 @@ def _read(sheet: Sheet, points: Floats, sign: NDArray[np.int8], samples: Samples
     if bubble.any() and not bubble.all():
         notes = [*notes, "Closed specks of surface between the points of one face were left out."]
         return _read(drop_triangles(whole, ~bubble[: len(whole.triangles)]), points, sign, samples, shapes, notes)
-    fold = folds(sheet, place, (samples.normals * sign[:, None])[sheet.source], region, PINHOLE * samples.h**2)
-    if fold.any():
-        notes = [*notes, "Surface that was folded upon itself, on one side of a face, was left out."]
-        return _read(cut_out(whole, points, fold[: len(whole.triangles)]), points, sign, samples, shapes, notes)
     own = [shapes[s] for s in source]
     drawn = draw(mesh, traced, place, region, own, samples.h)
     n_loops = np.array([len(loops) for loops in traced.loops], np.int64)
