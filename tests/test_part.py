@@ -1,6 +1,5 @@
 """Whole parts on shared edges: simple bodies whose volume is known, with borders as noisy as those read off a scan."""
 
-import re
 from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 
@@ -12,12 +11,9 @@ from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
 from OCP.gp import gp_Pln
 
 from scan2nurbs.brep import part as part_module
-from scan2nurbs.brep import write_part as write_part_module
 from scan2nurbs.brep.borders import _ends, _guide, lay_borders
-from scan2nurbs.brep.cad import tessellate
 from scan2nurbs.brep.check import check
 from scan2nurbs.brep.part import _on_its_own, build_part
-from scan2nurbs.brep.read import faces_of, read_shape
 from scan2nurbs.brep.solids import Assembled
 from scan2nurbs.brep.write_part import write_part
 from scan2nurbs.errors import NoResultError, OutputError, ParameterError
@@ -295,37 +291,6 @@ def test_no_faces_is_an_error():
         build_part(body.points, [], topology([], np.empty((0, 3)), ()), measure_scale(body.points))
 
 
-def test_the_same_part_gives_the_same_bytes(tmp_path):
-    first, second = (write_part(tmp_path / f"{k}.step", rod().build(noise=0.2), unit="mm", name="rod").path for k in "ab")
-    assert first.read_bytes() == second.read_bytes()
-
-
-def test_step_names_and_colours_faces(tmp_path):
-    path = write_part(tmp_path / "rod.step", rod().build(), unit="mm").path
-    named = write_part(tmp_path / "named.step", rod().build(), unit="mm", names=["side", "floor", "lid"]).path
-    assert re.findall(r"ADVANCED_FACE\('([^']*)'", named.read_text()) == ["side", "floor", "lid"]
-    text = path.read_text()
-    assert re.findall(r"ADVANCED_FACE\('([^']*)'", text) == ["cylinder_0", "plane_1", "plane_2"]
-    assert text.count("COLOUR_RGB") >= 2
-    assert "AP242" in text
-    assert len(faces_of(read_shape(path))) == 3
-
-
-@pytest.mark.parametrize(("unit", "factor"), [("mm", 1.0), ("m", 1000.0), ("in", 25.4)])
-def test_units_and_origin_survive(tmp_path, unit, factor):
-    path = write_part(tmp_path / "rod.step", rod().build(), unit=unit, origin=(100.0, 0.0, 0.0)).path
-    found = check(read_shape(path, unit="mm"))
-    assert found.closed
-    assert found.volume == pytest.approx(np.pi * 300 * factor**3, rel=1e-5)
-
-
-@pytest.mark.parametrize("suffix", [".brep", ".iges", ".stl", ".ply", ".obj"])
-def test_other_formats_are_written(tmp_path, suffix):
-    written = write_part(tmp_path / f"rod{suffix}", rod().build(), unit="mm")
-    assert written.path.stat().st_size > 1000
-    assert written.model.n_faces == 3
-
-
 def test_a_face_of_its_own_is_the_one_that_covers_its_points(monkeypatch):
     def sheet(length):
         return (BRepBuilderAPI_MakeFace(gp_Pln(), 0.0, length, 0.0, 10.0).Face(),)
@@ -342,22 +307,6 @@ def test_a_face_of_its_own_is_the_one_that_covers_its_points(monkeypatch):
     assert chosen(small, none) is small
     assert chosen(none, small) is small
     assert chosen(none, none) == ()
-
-
-def test_a_mesh_depends_on_the_part_and_not_on_triangles_that_were_left_on_it(tmp_path):
-    fresh, looked_at = rod().build(), rod().build()
-    tessellate(looked_at.shape, deflection=1e-4 * looked_at.kernel_scale)
-    first, second = (write_part(tmp_path / f"{k}.stl", part, unit="mm", deflection=0.5).path for k, part in enumerate((fresh, looked_at)))
-    assert first.read_bytes() == second.read_bytes()
-
-
-def test_a_file_that_cannot_be_read_again_is_an_output_error(tmp_path, monkeypatch):
-    path = tmp_path / "rod.brep"
-    monkeypatch.setattr(write_part_module, "write_brep", lambda written, _shape: written.write_bytes(b"garbage"))
-    with pytest.raises(OutputError, match=r"rod\.brep: What was written cannot be read again") as caught:
-        write_part(path, rod().build(), unit="mm")
-    assert caught.value.path == path
-    assert not list(tmp_path.iterdir())
 
 
 def test_relations_are_told_of_the_piece_that_kept_the_name_of_a_face():
