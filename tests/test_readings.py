@@ -127,9 +127,27 @@ def test_there_are_so_many_readings_and_no_more(monkeypatch):
 
     monkeypatch.setattr(part_readings, "build_part", build)
     assert not read(points, label, fits, fits, scale).part.closed
-    assert READINGS == 4
-    assert counted == [(0.5, False, False), (1.0, False, True), (1.0, True, True), (1.0, True, False), (1.0, True, True)]
-    assert len(tried) == 3
+    assert READINGS == 3
+    assert counted == [(0.5, False, False), (1.0, False, True), (1.0, True, True), (1.0, True, False)]
+    assert len(tried) == 2
+
+
+def test_what_had_to_be_bent_all_over_is_not_read_again(monkeypatch):
+    points, label, fits, scale = scanned_box()
+    whole = build_part(points, fits, find_topology(points, label, fits, scale), scale)
+    counted, tried = [], []
+
+    def build(*_, spanned=0.0, **__):
+        (tried if spanned == 1.0 else counted).append(0)
+        return replace(whole, closed=False, n_free_edges=3, faces=tuple(replace(face, trimmed=how) for face, how in hows))
+
+    monkeypatch.setattr(part_readings, "build_part", build)
+    for bent, builds, spans in ((2, 4, 2), (3, 2, 1)):
+        hows = list(zip(whole.faces, ["alone", *["bent"] * bent, *["shared"] * (5 - bent)], strict=True))
+        counted.clear()
+        tried.clear()
+        read(points, label, fits, fits, scale)
+        assert (len(counted), len(tried)) == (builds, spans)
 
 
 def test_wide_tolerances_are_taken_where_narrow_ones_leave_a_part_open(monkeypatch):

@@ -20,10 +20,12 @@ from scan2nurbs.scale import Scale
 from scan2nurbs.surfaces.relations import Related
 from scan2nurbs.surfaces.shape_fit import ShapeFit
 
-READINGS = 4
+READINGS = 3
 """Most readings of a part."""
 _SOME = 4
 """Where more faces than these do not fit their neighbours, another reading does not help: their surfaces are wrong."""
+_BENT = 0.4
+"""So it is where a larger share of all faces had to be bent."""
 _COVERED = 0.95
 """Where a model covers less of the scan than this, a surface is missing, or is on the wrong side of its borders."""
 _WIDER = 2.0
@@ -32,9 +34,9 @@ _GIVEN_UP = 2
 """How often faces that fit nowhere are given up: what closes one place may show that another does not fit."""
 _SMALL = 0.1
 """Faces of less than this share of the area are spanned, where that closes the part, rather than read again."""
-_WAYS = 3
+_WAYS = 2
 """How many readings are tried for whether surfaces between the edges of their neighbours can take the place of faces that do not fit;
-one of them where these are more than some."""
+one of them where another reading does not help."""
 _LESS = 0.02
 """How much more of the scan a model has to cover to be the better one for it, closed or not."""
 
@@ -79,6 +81,12 @@ class Reading:
         """Whether there is nothing that another reading might do better: an open scan is not closed by reading it again."""
         part = self.part
         return part.valid and part.coverage >= _COVERED and part.joined and (part.closed or not self.misfits)
+
+    @property
+    def worth_another(self) -> bool:
+        """Whether another reading may help, and it is not the surfaces that are wrong."""
+        bent = sum(face.trimmed == "bent" for face in self.part.faces)
+        return len(self.misfits) <= _SOME and bent <= _BENT * len(self.part.faces)
 
     def betters(self, other: Reading) -> bool:
         """Tell whether this is the better model of the two."""
@@ -175,7 +183,7 @@ class _Reader:
                     best = last if last.betters(best) else best
                 ways.append((last, way))
         for turn in range(1, READINGS):
-            if best.fits_together or len(best.misfits) > _SOME or (turn > 1 and 0.0 < best.apart < _SMALL):
+            if best.fits_together or not best.worth_another or (turn > 1 and 0.0 < best.apart < _SMALL):
                 break
             released = (last.released | _around(last)) & related if turn < READINGS - 1 else related
             use = tuple(self.unrelated[f] if f in released else fit for f, fit in enumerate(self.fits))
@@ -189,7 +197,7 @@ class _Reader:
                 continue
             ways.append((last, way))
             best = last if last.betters(best) else best
-        if not best.fits_together and len(best.misfits) <= _SOME:
+        if not best.fits_together and best.worth_another:
             best = self._dissolved(best, topology_params, params)
         return best if best.fits_together else _spanned(best, ways)
 
@@ -217,7 +225,7 @@ class _Reader:
 def _spanned(best: Reading, ways: Sequence[tuple[Reading, Callable[..., PartModel]]]) -> Reading:
     """Return a reading in which surfaces between their neighbours take the place of faces that do not fit, if one is better so."""
     rank = {id(reading): len(reading.misfits) + (reading is not best) for reading, _ in ways}
-    most = _WAYS if len(best.misfits) <= _SOME else 1
+    most = _WAYS if best.worth_another else 1
     for reading, way in sorted(ways, key=lambda given: rank[id(given[0])])[:most]:
         made = replace(reading, part=way(spanned=1.0))
         if made.betters(best):
