@@ -7,13 +7,10 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
-from OCP.gp import gp_Pln
 
-from scan2nurbs.brep import part as part_module
 from scan2nurbs.brep.borders import _ends, _guide, lay_borders
 from scan2nurbs.brep.check import check
-from scan2nurbs.brep.part import _on_its_own, build_part
+from scan2nurbs.brep.part import build_part
 from scan2nurbs.brep.solids import Assembled
 from scan2nurbs.brep.write_part import write_part
 from scan2nurbs.errors import NoResultError, OutputError, ParameterError
@@ -270,43 +267,10 @@ def test_a_loop_that_folds_back_on_itself_has_a_curve(way):
     assert np.isfinite(curve.curve(curve.curve.samples(20))).all()
 
 
-def test_a_large_face_without_a_triangle_is_left_out(monkeypatch):
-    from scan2nurbs.brep import part as module
-    from scan2nurbs.errors import InputError
-
-    def nothing(*_, **__):
-        raise InputError("None of its faces could be tessellated.")
-
-    body = rod()
-    built = body.build()
-    mesh = LabelledMesh(body.points[:3], np.array([[0, 1, 2]], np.int32), np.zeros(1, np.int32))
-    of_mesh = topology(body.borders, body.vertices, body.outward)
-    monkeypatch.setattr(module, "tessellate", nothing)
-    assert module._is_astray(built.faces[0].shapes, 0.0, replace(of_mesh, mesh=mesh), 1.0, built.kernel_scale)
-
-
 def test_no_faces_is_an_error():
     body = rod()
     with pytest.raises(NoResultError, match="no face"):
         build_part(body.points, [], topology([], np.empty((0, 3)), ()), measure_scale(body.points))
-
-
-def test_a_face_of_its_own_is_the_one_that_covers_its_points(monkeypatch):
-    def sheet(length):
-        return (BRepBuilderAPI_MakeFace(gp_Pln(), 0.0, length, 0.0, 10.0).Face(),)
-
-    def chosen(on_surface, on_mesh):
-        monkeypatch.setattr(part_module, "trim_alone", lambda *_: on_surface)
-        monkeypatch.setattr(part_module, "trim_anew", lambda *_: on_mesh)
-        monkeypatch.setattr(part_module, "trim_by_points", lambda *_: ())
-        return _on_its_own(0, None, topology([], np.empty((0, 3)), ()), 1.0, 1.0, room=1000.0, least=200.0)
-
-    small, large, none = sheet(1.0), sheet(30.0), ()
-    assert chosen(large, none) is large
-    assert chosen(small, large) is large, "the other side of its borders was taken"
-    assert chosen(small, none) is small
-    assert chosen(none, small) is small
-    assert chosen(none, none) == ()
 
 
 def test_relations_are_told_of_the_piece_that_kept_the_name_of_a_face():

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from scan2nurbs.brep.alone import trim_alone
 from scan2nurbs.brep.check import extent_of, is_valid, is_valid_meshed
 from scan2nurbs.brep.endure import endures, spoilt
 from scan2nurbs.brep.measure import rough_area
 from scan2nurbs.brep.occ import KernelError
+from scan2nurbs.brep.room import on_its_own
 from scan2nurbs.brep.sewn import sew
 from scan2nurbs.brep.solids import Assembled, apart, assemble, compound, loose
 from scan2nurbs.brep.spanned import span, touching
@@ -235,7 +235,7 @@ def _joined(lost: Sequence[int], how: Sequence[str]) -> list[int]:
 
 
 def _alone(f: int, around: Surroundings) -> tuple[Pieces, str]:
-    pieces = trim_alone(f, around.shapes[f], around.topology, around.h, around.scale)
+    pieces = on_its_own(f, around.shapes[f], around.topology, around.h, around.scale)
     return pieces, "alone" if pieces else "lost"
 
 

@@ -4,26 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 
-from scan2nurbs.brep.alone import trim_alone, trim_anew, trim_by_points
 from scan2nurbs.brep.attempts import ATTEMPTS, TOO_WIDE, Attempt, trim_part, without_tips
 from scan2nurbs.brep.borders import BorderCurve
-from scan2nurbs.brep.cad import tessellate
 from scan2nurbs.brep.check import check, is_valid, is_valid_meshed
-from scan2nurbs.brep.deviation import deviation, sample
+from scan2nurbs.brep.deviation import deviation
 from scan2nurbs.brep.face import kernel_scale
 from scan2nurbs.brep.join import OUTLINED, Spanning, Surroundings, join_faces
 from scan2nurbs.brep.known import Known
-from scan2nurbs.brep.measure import area, rough_area, tolerance, volume
+from scan2nurbs.brep.measure import area, tolerance, volume
 from scan2nurbs.brep.occ import silence
-from scan2nurbs.brep.solids import compound
-from scan2nurbs.errors import InputError, NoResultError
+from scan2nurbs.brep.room import Room, on_its_own, size_of
+from scan2nurbs.errors import NoResultError
 from scan2nurbs.faces.topology import Fitted, Topology
 from scan2nurbs.kernels.runner import Progress
 from scan2nurbs.ranges import require_float
@@ -31,10 +28,6 @@ from scan2nurbs.scale import Scale
 
 Floats = NDArray[np.float64]
 
-_ASTRAY, _SOME, _COARSE = 3.0, 0.05, 0.5
-"""A face is astray where more than a share of it is so many h from the mesh; triangles half an h off tell that."""
-_LEAST = 0.25
-"""A face of less than this share of the area above which it is too large, half of that of its mesh, is on the wrong side of its borders."""
 _TOO_LARGE = "It would reach far beyond its points"
 _TOO_SMALL = "It would leave out a part of its points"
 
@@ -240,35 +233,20 @@ def _completed(
     """Give faces that failed an outline of their own."""
     made, caution, topology = trimmed.made, trimmed.caution, trimmed.topology
     faces, how = list(made.faces), []
-    room = _room(topology, h)
-    least = np.where(np.isfinite(room), _LEAST * room - 20.0 * h**2, 0.0)
     for f in range(len(shapes)):
-        why_not = made.failures.get(f, _TOO_LARGE if _is_astray(faces[f], room[f], topology, h, factor) else "")
-        why_not = why_not or (_TOO_SMALL if _size(faces[f], factor) < least[f] else "")
+        room = Room.of(topology, f, h, factor)
+        why_not = made.failures.get(f, _TOO_LARGE if room.is_left_by(faces[f]) else "")
+        why_not = why_not or (_TOO_SMALL if size_of(faces[f], factor) < room.least else "")
         why_not = why_not or _spoilt(faces[f], params.bearable * h * factor)
         if not why_not:
             borders = {k for loop in topology.loops[f] for k, _ in loop}
             how.append("bent" if f in trimmed.bent else "followed" if any(caution[k] for k in borders) else "shared")
             continue
-        faces[f] = _on_its_own(f, shapes[f], topology, h, factor, room[f], least[f])
+        faces[f] = on_its_own(f, shapes[f], topology, h, factor, room)
         how.append("alone" if faces[f] else "lost")
         why = f"Face {f + 1} ({shapes[f].kind}) does not fit its neighbours ({why_not.rstrip('.')}): "
         notes.append(why + (OUTLINED if faces[f] else "it could not be made."))
     return faces, how
-
-
-def _on_its_own(f: int, shape: Any, topology: Topology, h: float, factor: float, room: float, least: float) -> tuple[Any, ...]:
-    """Trim a face by its own outline: on its surface, or where that misses its points otherwise."""
-    found: tuple[Any, ...] = ()
-    ways = (partial(trim_alone, f, shape), partial(trim_anew, f), partial(trim_by_points, f, shape))
-    for trim in ways:
-        tried = trim(topology, h, factor)
-        if _is_astray(tried, room, topology, h, factor):
-            continue
-        found = tried if _size(tried, factor) > _size(found, factor) else found
-        if found and _size(found, factor) >= least:
-            break
-    return found
 
 
 def _spoilt(pieces: tuple[Any, ...], widest: float) -> str:
@@ -276,30 +254,6 @@ def _spoilt(pieces: tuple[Any, ...], widest: float) -> str:
     if max(map(tolerance, pieces), default=0.0) > widest:
         return TOO_WIDE
     return "" if all(is_valid(face) and is_valid_meshed(face) for face in pieces) else "Its neighbours spoil its edges"
-
-
-def _is_astray(pieces: tuple[Any, ...], room: float, topology: Topology, h: float, factor: float) -> bool:
-    """Tell whether a face is larger than its points and reaches where no points are: the wrong side of its borders was taken."""
-    if not pieces or _size(pieces, factor) <= room:
-        return False
-    try:
-        mesh = tessellate(compound(pieces), deflection=_COARSE * h * factor, least=_COARSE * h * factor)
-    except InputError:  # so large, and still without a triangle: its borders enclose nothing
-        return True
-    samples, _ = sample(mesh, h * factor)
-    apart = KDTree(topology.mesh.vertices).query(samples / factor, distance_upper_bound=_ASTRAY * h)[0]
-    return float(np.mean(~np.isfinite(apart))) > _SOME
-
-
-def _room(topology: Topology, h: float) -> Floats:
-    """Return the area above which a face is looked at: twice that of the mesh that its borders were read from, and a few cells more."""
-    if not len(topology.mesh.triangles):
-        return np.full(topology.n_faces, np.inf)
-    return 2.0 * topology.areas + 20.0 * h**2
-
-
-def _size(pieces: tuple[Any, ...], factor: float) -> float:
-    return sum(map(rough_area, pieces)) / factor**2
 
 
 def _model(
