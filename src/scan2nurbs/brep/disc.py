@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from scan2nurbs.brep.occ import CONFUSION, kernel_errors, to_knots, to_points, to_surface
+from scan2nurbs.faces.complex import length_of
 from scan2nurbs.surfaces.bspline import BSplineSurface
 
 Floats = NDArray[np.float64]
@@ -65,11 +66,6 @@ def follow(edge: Any, step: float) -> Side:
 def _at(curve: Any, t: Floats) -> Floats:
     points = (curve.Value(x) for x in t.tolist())
     return np.array([(p.X(), p.Y(), p.Z()) for p in points])
-
-
-def length_of(points: Floats) -> float:
-    """Return the length of a polyline (K, 3)."""
-    return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
 
 
 def loop_length(loop: Sequence[Side]) -> float:

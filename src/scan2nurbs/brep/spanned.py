@@ -17,13 +17,14 @@ from scipy.spatial import KDTree
 from scan2nurbs.brep.cad import tessellate
 from scan2nurbs.brep.check import is_sound
 from scan2nurbs.brep.deviation import sample
-from scan2nurbs.brep.disc import along, disc_face, follow, length_of, loop_length
+from scan2nurbs.brep.disc import along, disc_face, follow, loop_length
 from scan2nurbs.brep.measure import rough_area, tolerance
 from scan2nurbs.brep.occ import KernelError, kernel_errors
 from scan2nurbs.brep.patch import patch_within
 from scan2nurbs.brep.sewn import sew
 from scan2nurbs.brep.solids import assemble
 from scan2nurbs.errors import InputError
+from scan2nurbs.faces.complex import length_of
 from scan2nurbs.faces.topology import Topology
 
 Floats = NDArray[np.float64]

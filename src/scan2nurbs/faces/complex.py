@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,11 @@ from scan2nurbs.surfaces.shape import Floats
 
 Loop = tuple[tuple[int, bool], ...]
 """Borders in order, each with whether it is walked from its first vertex to its last."""
+
+
+def length_of(points: Floats) -> float:
+    """Return the length of a polyline (K, 3)."""
+    return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
 
 
 @dataclass(frozen=True)
@@ -96,7 +102,7 @@ class Topology:
         """Number of faces."""
         return len(self.source)
 
-    @property
+    @cached_property
     def areas(self) -> Floats:
         """Area of each face's part of the mesh, (F,)."""
         mesh = self.mesh

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scan2nurbs.faces.complex import Loop
+from scan2nurbs.faces.complex import Loop, length_of
 from scan2nurbs.faces.draw import Drawn, settle
 from scan2nurbs.faces.place import measure
 from scan2nurbs.faces.trace import Traced
@@ -70,11 +70,6 @@ def merge_vertices(traced: Traced, drawn: Drawn, shapes: Sequence[Shape], h: flo
             if f >= 0:
                 loops[f] = [tuple(x for x in loop if x[0] != b) for loop in loops[f]]
     return without_borders(traced, ends, loops, vertices, lines, faces, gone)
-
-
-def length_of(line: Floats) -> float:
-    """Return the length of a polyline (K, 3)."""
-    return float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
 
 
 def _may_go(

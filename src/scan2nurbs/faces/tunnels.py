@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from scan2nurbs.faces.complex import Loop
+from scan2nurbs.faces.complex import Loop, length_of
 from scan2nurbs.faces.draw import Drawn
-from scan2nurbs.faces.merge import length_of, without_borders
+from scan2nurbs.faces.merge import without_borders
 from scan2nurbs.faces.trace import Traced
 from scan2nurbs.surfaces.shape import Floats, Shape
 
