@@ -37,3 +37,14 @@ def test_the_choice_is_that_of_all_points_renewed(seed):
     weights = rng.uniform(0.2, 1.2, neighbours.shape).astype(np.float32)
     found = choose_labels(candidates, costs, neighbours, weights)
     np.testing.assert_array_equal(found, every_point_renewed(candidates, costs, neighbours, weights))
+
+
+def test_what_settled_moves_when_its_neighbour_does():
+    n = 40
+    before = np.maximum(np.arange(n) - 1, 0)[:, None].astype(np.int32)
+    candidates, weights = np.tile(np.array([0, 1], np.int32), (n, 1)), np.full((n, 1), 9.0, np.float32)
+    costs = np.tile(np.array([3.0, 0.0], np.float32), (n, 1))
+    costs[0], weights[0] = (0.0, 9.0), 0.0
+    found = choose_labels(candidates, costs, before, weights)
+    np.testing.assert_array_equal(found, every_point_renewed(candidates, costs, before, weights))
+    assert 10 < np.count_nonzero(found == 0) < 30, "it went on from point to point, a sweep each"
