@@ -22,6 +22,7 @@ from scan2nurbs.faces.fillets import find_fillets
 from scan2nurbs.faces.lost import find_lost
 from scan2nurbs.faces.profiles import split_profiles
 from scan2nurbs.faces.unite import unite
+from scan2nurbs.faces.walls import straighten
 from scan2nurbs.kernels.bends import unevenness
 from scan2nurbs.kernels.labelling import candidate_costs
 from scan2nurbs.kernels.primitives import CYLINDER, PATCH, PLANE, TORUS
@@ -101,6 +102,7 @@ def find_primitives(
     label, models = split_profiles(sheet, label, models, refits)
     if kinds[CYLINDER] and kinds[TORUS]:
         _, label, models = _fillets(sheet, label, models, refits)
+    label, models = straighten(sheet, label, models, refits)
     label, models = split_pieces(sheet, label, models, least, strips=True)
     label, models = unite(sheet, label, models, criteria(sheet, label, models), refits)  # strips that their neighbours explain as well
     return drop_outliers(sheet, adopt(sheet, label, models, RINGS), models), models
