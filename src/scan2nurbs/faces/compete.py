@@ -18,7 +18,7 @@ from scan2nurbs.kernels.refits import criterion, refit_all, refit_amid
 from scan2nurbs.kernels.runner import kernel, run_ranges
 
 CANDIDATES = 8
-REGIONS = 8
+REGIONS = 2
 LINK_COST = 0.25
 ACROSS_CREASE = 0.5
 MODEL_COST = 12.0

@@ -10,7 +10,7 @@ from scan2nurbs.kernels.refits import misfit, unite_pairs
 from scan2nurbs.kernels.runner import run_ranges
 
 LEAST_CONTACT = 6
-RANGE = 8
+RANGE = 2
 MANY = 300
 """Regions of fewer points tell nothing of the noise: what their parameters cost is not small beside what it leaves."""
 COINCIDENT = 1.0

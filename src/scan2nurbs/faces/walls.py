@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
+from scipy.special import ndtr
 
 from scan2nurbs.faces.compete import Sheet
 from scan2nurbs.faces.lost import least_squares_plane
@@ -140,7 +140,7 @@ def _left(model: NDArray[np.float64], strip: _Strip, points: Floats, sigma: floa
     nearest, second = (np.take_along_axis(fields, order[k][None, :, None], axis=0)[0] for k in (0, 1))
     alike = np.einsum("ij,ij->i", nearest[:, 1:], second[:, 1:])
     gap = np.abs(nearest[:, 0] - np.sign(alike) * second[:, 0]) / sigma
-    chosen = gap * norm.pdf(0.5 * gap) - 0.5 * gap**2 * norm.sf(0.5 * gap)
+    chosen = gap * np.exp(-0.125 * gap**2) / np.sqrt(2.0 * np.pi) - 0.5 * gap**2 * ndtr(-0.5 * gap)
     return float((np.minimum(0.5 * (nearest[:, 0] / sigma) ** 2, DISTANCE_CAP) + np.abs(alike) * chosen).sum())
 
 

@@ -7,12 +7,13 @@ from numpy.typing import NDArray
 
 from scan2nurbs.kernels.growth import neighbourhood
 from scan2nurbs.kernels.primitives import SIZE
-from scan2nurbs.kernels.runner import kernel
+from scan2nurbs.kernels.runner import kernel, run_ranges
 from scan2nurbs.kernels.starts import curvatures
 
 POINTS = 40
 FEWER = 24
 TURN = 0.8
+RANGE = 8192
 
 
 def bends(
@@ -35,16 +36,20 @@ def bends(
         Normals of the quadrics, of fewer points: where the surface curves they do not lean to the flatter side, as one-sided ones do.
     """
     curvature, smooth = np.full((len(points), 2), np.nan), normals.copy()
-    _bends(points, normals, neighbours, curvature, smooth)
+
+    def work(start: int, stop: int) -> None:
+        _bends(points, normals, neighbours, start, stop, curvature, smooth)
+
+    run_ranges(work, len(points), size=RANGE)
     return curvature, smooth
 
 
 @kernel
-def _bends(points, normals, neighbours, out, smooth):
+def _bends(points, normals, neighbours, start, stop, out, smooth):
     stamp = np.zeros(len(points), np.int32)
     queue = np.empty(POINTS, np.int32)
     frame, bend = np.zeros(SIZE), np.empty(14)
-    for i in range(len(points)):
+    for i in range(start, stop):
         n = neighbourhood(neighbours, normals, i, POINTS, TURN, stamp, i + 1, queue)
         if n < POINTS // 2:
             continue

@@ -7,9 +7,11 @@ result does not depend on how many threads ran it: range borders follow from n a
 from __future__ import annotations
 
 import gc
+import itertools
 import os
+import threading
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -27,6 +29,8 @@ Progress = Callable[[int, int], None]
 REORDERING = {"nsz", "arcp", "contract", "afn", "reassoc"}
 
 _threads: int | None = None
+_helpers: tuple[ThreadPoolExecutor, int] | None = None
+_lock = threading.Lock()
 
 
 def kernel(function: Function) -> Function:
@@ -105,21 +109,50 @@ def run_ranges(work: Callable[[int, int], None], n: int, *, size: int, progress:
     size : int
         Items a range; must not depend on the number of threads where ranges hold partial sums.
     progress : callable, optional
-        Called with (items done, n) between ranges, from the calling thread.
+        Called with (items done, n) between ranges, from the calling thread, and with (n, n) at the end.
     """
     ranges = [(start, min(start + size, n)) for start in range(0, n, size)]
     threads = min(thread_count(), len(ranges))
-    if threads <= 1:
-        for start, stop in ranges:
-            work(start, stop)
-            if progress is not None:
-                progress(stop, n)
-        return
-    pool = ThreadPoolExecutor(threads)
+    turns, done, over = itertools.count(), itertools.count(1), threading.Event()
+
+    def take_turns(tell: Progress | None = None) -> None:
+        try:
+            while not over.is_set() and (turn := next(turns)) < len(ranges):
+                work(*ranges[turn])
+                finished = next(done)
+                if tell is not None:
+                    tell(min(finished * size, n), n)
+        except BaseException:
+            over.set()  # after Ctrl-C nobody needs the other ranges any more
+            raise
+
+    helpers = [_pool(threads - 1).submit(take_turns) for _ in range(threads - 1)]
     try:
-        for (_, stop), _done in zip(ranges, pool.map(lambda r: work(*r), ranges), strict=True):
-            if progress is not None:
-                progress(stop, n)
+        take_turns(progress)
     finally:
-        # Ctrl-C must not wait for the ranges that nobody needs any more.
-        pool.shutdown(wait=True, cancel_futures=True)
+        # Who has not begun has nothing left to do; nobody may still write when this call ends.
+        running = [helper for helper in helpers if not helper.cancel()]
+        wait(running)
+    for helper in running:
+        helper.result()
+    if progress is not None:
+        progress(n, n)
+
+
+def _pool(threads: int) -> ThreadPoolExecutor:
+    """Return the threads that help; starting them anew for each of thousands of calls takes a tenth of the time of a whole part."""
+    global _helpers  # noqa: PLW0603 - one pool for the whole process
+    with _lock:
+        if _helpers is None or _helpers[1] < threads:
+            _helpers = ThreadPoolExecutor(threads, thread_name_prefix="kernel"), threads
+        return _helpers[0]
+
+
+def _forget_helpers() -> None:
+    """Let a forked process, which has none of its parent's threads, start its own."""
+    global _helpers, _lock
+    _helpers, _lock = None, threading.Lock()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_forget_helpers)
