@@ -132,7 +132,7 @@ def summary(rows: list[Row]) -> str:
         models = [row.model for row in some if row.model is not None]
         if not models:
             continue
-        solids = [row for row in some if WHOLE[row.part].bodies]
+        solids = [row for row in some if row.part not in WHOLE or WHOLE[row.part].bodies]  # sheets are none
         closed = np.mean([bool(row.model and row.model["valid"] and row.model["closed"]) for row in solids]) if solids else float("nan")
 
         def mean(key: str, models: list[dict[str, float]] = models) -> float:

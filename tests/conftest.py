@@ -5,6 +5,8 @@ The profile has no deadline, since kernels compile on their first call, and the 
 
 from __future__ import annotations
 
+import os
+
 import pytest
 from hypothesis import HealthCheck, settings
 
@@ -16,6 +18,19 @@ settings.register_profile(
     suppress_health_check=[HealthCheck.too_slow],
 )
 settings.load_profile("scan2nurbs")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def compiled():
+    """Let two processes compile the kernels of a part by halves, for each other: each would compile all of them at the same time.
+
+    A third process, or one alone, compiles what its tests ask for.
+    """
+    import kernel_halves
+
+    half = kernel_halves.HALVES.get(os.environ.get("PYTEST_XDIST_WORKER", ""))
+    if half is not None:
+        half()
 
 
 @pytest.fixture(scope="session")

@@ -136,7 +136,7 @@ def test_a_freeform_face_goes_on_over_what_bends_alike_but_not_over_planes(flat,
     assert found == [[0, 1, 2] if whole else [0, 1]]
 
 
-@pytest.mark.parametrize("seed", [6, 7])
+@pytest.mark.parametrize("seed", [6])
 def test_a_revolved_profile_is_one_face(seed):
     """It is cut into tori and cones first, nearly all of them tangent."""
     rng = np.random.default_rng(seed)

@@ -102,7 +102,7 @@ def _strip(sheet: Sheet, label: NDArray[np.int32], models: NDArray[np.float64], 
     if len(beside) < 2 or len(mine) > -NARROW * beside[1][0]:
         return None
     i, j = beside[0][1], beside[1][1]
-    if PATCH in models[[i, j, face], 0]:
+    if PATCH in models[[i, j, face], 0] or _smooth(sheet.points[mine], models[[face, i, j]]):
         return None
     rows = mine
     for _ in range(RINGS):
@@ -110,6 +110,12 @@ def _strip(sheet: Sheet, label: NDArray[np.int32], models: NDArray[np.float64], 
     planes = [int(k) for k in np.setdiff1d(label[rows], (-1, i, j, face)) if int(models[k, 0]) == PLANE]
     rows = rows[np.isin(label[rows], (i, j, face))]
     return _Strip(face, (i, j), planes, rows, np.stack([field(models[other], sheet.points[rows]) for other in (i, j)]))
+
+
+def _smooth(points: Floats, models: NDArray[np.float64]) -> bool:
+    """Tell whether a strip goes on as a curved face beside it does: as the pieces of a freeform face, which are joined later."""
+    own, *others = (field(model, points)[:, 1:] for k, model in enumerate(models) if k == 0 or int(model[0]) != PLANE)
+    return any(np.abs(np.einsum("ij,ij->i", own, other)).mean() > PARALLEL for other in others)
 
 
 def _plainest(
