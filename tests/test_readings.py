@@ -75,7 +75,7 @@ def open_box(seed, floor):
     return cloud[kept], np.concatenate(label)[kept].astype(np.int32), tuple(fits)
 
 
-@pytest.mark.parametrize(("seed", "fill_holes"), [(0, False), (1, False), (2, False), (3, False), (0, True), (3, True)])
+@pytest.mark.parametrize(("seed", "fill_holes"), [(0, False), (1, False), (2, False), (3, False), (0, True)])
 def test_edges_run_out_into_the_rim_of_an_open_scan(seed, fill_holes):
     points, label, fits = open_box(seed, 1.0)
     scale, params = measure_scale(points), TopologyParams(fill_holes=fill_holes)

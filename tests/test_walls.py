@@ -109,3 +109,15 @@ def test_planes_that_nobody_allowed_are_not_chosen() -> None:
     kinds[PLANE] = False
     _, found = straighten(sheet, _tubed(sheet, true, tube, 2, 4.0), models, kinds)
     assert int(found[2, 0]) == CYLINDER
+
+
+def test_a_strip_that_goes_on_as_a_curved_face_is_its_piece() -> None:
+    """A narrow flat strip between a cylinder that it is tangent to and a wall: freeform faces come in such pieces, and are joined later."""
+    angle = np.linspace(0.0, 0.9, 40)
+    arc = np.column_stack([-20.0 * np.sin(angle), 20.0 - 20.0 * np.cos(angle)])
+    sheet, true = _swept(arc, np.array([[3.0, 0.0], [3.0, 20.0]]), np.array([[0.0, 0.0], [3.0, 0.0]]))
+    models = np.stack(
+        [_model(CYLINDER, (0, 0, 20), (0, 1, 0), 20.0), _model(PLANE, (3, 0, 0), (1, 0, 0)), _model(PLANE, (0, 0, 0), (0, 0, 1))]
+    )
+    label, _ = straighten(sheet, true, models, KINDS)
+    np.testing.assert_array_equal(label, true)
